@@ -1,0 +1,253 @@
+"""The fleet file's schema: everything that the processes of one fleet must agree on.
+
+The file cascades `defaults` -> `types` -> `robots`; the models here describe the result, with
+every robot's settings complete. `config.loader` reads the file and reports its mistakes.
+"""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0, le=1)]
+
+
+class Section(BaseModel):
+    """A part of the fleet file: unknown keys are mistakes, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Point(Section):
+    """A point [m], in the landmark frame or in a robot's body frame (x forward, y left)."""
+
+    x_m: Finite
+    y_m: Finite
+
+
+class Pose(Point):
+    """Front-wheel midpoint and body heading in the landmark frame."""
+
+    heading_rad: Angle = 0.0
+
+
+class Marker(Point):
+    """Something a bearing sensor can identify; on a robot, relative to its front-wheel midpoint."""
+
+    id: Annotated[int, Field(ge=0, le=1022)]
+
+
+class Axis(Section):
+    """One motor drive: its CAN node and its gearing (motor revolutions per joint unit)."""
+
+    node: Annotated[int, Field(ge=1, le=62)]
+    revolutions_per_unit: Positive = Field(
+        description="motor rev per metre (drive) or per radian (steering)"
+    )
+    firmware: Literal["0.6"] = "0.6"
+
+
+class Vehicle(Section):
+    """Geometry and drives of one car-like robot with a driven and steered front wheel."""
+
+    wheelbase_m: Positive
+    steering: Axis
+    drive: Axis
+
+
+class Can(Section):
+    """The robot's CAN bus in python-can's words.
+
+    `channel` may hold `{fleet}`, `{robot}` and `{runtime}` (a per-user folder for sockets).
+    """
+
+    interface: str
+    channel: str
+    bitrate: Literal[125_000, 250_000, 500_000, 1_000_000] = 500_000
+
+
+class BearingSensor(Section):
+    """How the bearing sensor is mounted (at the front-wheel midpoint) and what it should deliver.
+
+    `std_rad` is the noise that the estimators assume where the sensor does not report its own.
+    """
+
+    unit: Annotated[int, Field(ge=0, le=2)] = 0
+    mounting: Literal["body", "fork"] = "body"
+    yaw_rad: Angle = 0.0
+    fov_half_rad: Annotated[float, Field(gt=0, le=math.pi)] = math.pi
+    rate_hz: Annotated[float, Field(gt=0, le=127.5)] = 100.0
+    std_rad: Positive = 0.05
+
+
+class Limits(Section):
+    """What this robot may do; the controllers respect it and the transmit guard enforces it."""
+
+    speed_mps: Positive
+    acceleration_mps2: Positive
+    deceleration_mps2: Positive
+    steering_rad: Annotated[float, Field(gt=0, lt=math.pi / 2)]
+    steering_rate_radps: Positive
+
+
+class Localiser(Section):
+    """Particle filter of a robot that sees landmarks, paper (6)-(9).
+
+    Process noise densities are per square root of a second.
+    """
+
+    particles: Annotated[int, Field(ge=10, le=100_000)] = 500
+    position_noise_m: Positive = 0.05
+    heading_noise_rad: Positive = 0.05
+    start_std_m: Positive = 0.05
+    start_std_rad: Positive = 0.05
+
+
+class RelativeFilter(Section):
+    """Follower's filter on its leader. `reference` runs the same model on filterpy.
+
+    Process noise densities are per square root of a second.
+    """
+
+    kind: Literal["ukf", "reference"] = "ukf"
+    position_noise_m: Positive = 0.02
+    heading_noise_rad: Positive = 0.02
+    speed_scale_noise: Positive = 1e-3
+    speed_scale_start_std: Positive = 0.02
+    gate_nis: Positive = 16.0
+
+
+class Formation(Section):
+    """Control law of a follower and its feedback gain."""
+
+    law: Literal["leader_frame", "polar"] = "leader_frame"
+    gain_per_s: Positive = 2.0
+
+
+class Failsafe(Section):
+    """Silence that leads to a controlled stop, and how late a loop may be."""
+
+    leader_timeout_s: Positive = 0.2
+    bearing_timeout_s: Positive = 0.3
+    drive_heartbeat_timeout_s: Positive = 0.35
+    encoder_timeout_s: Positive = 0.05
+    loop_late_s: Positive = 0.05
+
+
+class Loop(Section):
+    """The onboard control loop."""
+
+    rate_hz: Annotated[float, Field(ge=10, le=500)] = 100.0
+    realtime_priority: Annotated[int, Field(ge=0, le=90)] = 50
+
+
+class Robot(Section):
+    """One robot, complete. A robot without a leader drives the mission's schedule."""
+
+    leader: str | None = None
+    offset: Point | None = Field(
+        default=None, description="desired place of the front point in the leader's body axes"
+    )
+    start: Pose
+    markers: Annotated[list[Marker], Field(min_length=1)]
+    listen: str = Field(default="tcp/127.0.0.1:0", description="Zenoh endpoint of this robot")
+    vehicle: Vehicle
+    can: Can
+    bearing_sensor: BearingSensor = BearingSensor()
+    limits: Limits
+    localiser: Localiser = Localiser()
+    relative_filter: RelativeFilter = RelativeFilter()
+    formation: Formation = Formation()
+    failsafe: Failsafe = Failsafe()
+    loop: Loop = Loop()
+
+    @model_validator(mode="after")
+    def _follower_needs_a_place(self) -> Self:
+        if (self.leader is None) != (self.offset is None):
+            raise ValueError("a follower needs both `leader` and `offset`, a leader neither")
+        return self
+
+
+class Segment(Section):
+    """A stretch of the mission: speed of the front wheel and rate of the fork's direction eta."""
+
+    duration_s: Positive
+    speed_mps: NonNegative
+    fork_rate_radps: Finite
+
+
+class Acceptance(Section):
+    """The bars that a run is judged by, from `from_s` of mission time on, against truth."""
+
+    from_s: NonNegative = 10.0
+    position_rms_m: Positive = 0.04
+    range_rms_m: Positive = 0.03
+    bearing_rms_rad: Positive = 0.06
+    leader_rmse_m: Positive = 0.09
+    min_distance_m: Positive = 0.15
+    overrun_fraction: Positive = 0.01
+
+
+class Mission(Section):
+    """What the leader drives and how the run is judged."""
+
+    segments: Annotated[list[Segment], Field(min_length=1)]
+    acceptance: Acceptance = Acceptance()
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the schedule [s]."""
+        return sum(segment.duration_s for segment in self.segments)
+
+
+class SimulatedBearings(Section):
+    """The emulated bearing sensor's errors."""
+
+    std_rad: NonNegative = 0.05
+    bias_rad: Finite = 0.0
+    latency_s: NonNegative = 0.01
+    range_m: Positive = 50.0
+    dropout: Probability = 0.0
+
+
+class SimulatedMotor(Section):
+    """First-order lag of a motor loop and the noise of its encoder (in joint units)."""
+
+    lag_s: Positive = 0.03
+    encoder_std: NonNegative = 0.0
+
+
+class Simulation(Section):
+    """The emulated hardware's errors, per robot alike. Only sim_hw reads this section.
+
+    `odometry_scale_error` is a magnitude: the sign is drawn per robot from the seed.
+    """
+
+    odometry_scale_error: Annotated[float, Field(ge=0, lt=0.5)] = 0.01
+    watchdog_s: Positive = 0.2
+    bearings: SimulatedBearings = SimulatedBearings()
+    drive: SimulatedMotor = SimulatedMotor()
+    steering: SimulatedMotor = SimulatedMotor()
+    steering_encoder_std_rad: NonNegative = 0.001
+
+
+class Fleet(Section):
+    """A whole fleet, resolved."""
+
+    version: Literal[1]
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]*$")]
+    ground: str = Field(
+        default="tcp/127.0.0.1:7447", description="Zenoh endpoint of the ground station"
+    )
+    landmarks: list[Marker] = []
+    robots: Annotated[dict[str, Robot], Field(min_length=1)]
+    mission: Mission
+    simulation: Simulation = Simulation()
+
+    def followers_of(self, leader: str) -> list[str]:
+        """Names of the robots that follow `leader` directly."""
+        return [name for name, robot in self.robots.items() if robot.leader == leader]

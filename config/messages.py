@@ -1,0 +1,177 @@
+"""Messages between processes: msgspec Structs, JSON on the wire.
+
+Every message carries `seq` (per publisher and topic), `t_ns` (monotonic time at which its content
+was true, comparable between processes of one host), `wall_ns` (the same instant on the wall clock)
+and `valid`. Angles are radians in (-pi, pi], anticlockwise positive.
+"""
+
+import msgspec
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """What every published message starts with."""
+
+    seq: int
+    t_ns: int
+    wall_ns: int
+    valid: bool = True
+
+
+class Sighting(msgspec.Struct, frozen=True):
+    """One bearing that a robot took to a marker of another robot.
+
+    The bearing [rad] is in the observer's body frame, from its front-wheel midpoint.
+    """
+
+    target: str
+    marker: int
+    bearing_rad: float
+    std_rad: float
+    t_ns: int
+
+
+class Motion(Message, frozen=True, kw_only=True):
+    """What a follower needs from its leader, 100 Hz along the chain.
+
+    `mission_time_s` is None until the mission's schedule runs, and again after it has ended.
+    """
+
+    robot: str
+    state: str
+    reason: str
+    mission_time_s: float | None
+    speed_mps: float
+    steering_rad: float
+    sightings: list[Sighting]
+
+
+class PoseEstimate(Message, frozen=True, kw_only=True):
+    """Front-wheel midpoint, fork direction eta and body heading theta in the landmark frame.
+
+    `covariance` is 4 x 4, row by row, in the order (x, y, eta, theta).
+    """
+
+    robot: str
+    x_m: float
+    y_m: float
+    fork_rad: float
+    heading_rad: float
+    covariance: list[float]
+    effective_particles: float
+
+
+class RelativeEstimate(Message, frozen=True, kw_only=True):
+    """A follower's estimate of its leader: the leader's front point seen from its own.
+
+    `heading_rad` is alpha = theta_leader - theta_follower; `speed_scale` is the leader's speed
+    error epsilon, its true speed being (1 + epsilon) times the speed it reports, in the follower's
+    odometry units. `covariance` is 4 x 4, row by row, (range, bearing, heading, speed scale).
+    `nis` is the normalised innovation squared of the last bearing (1 degree of freedom).
+    """
+
+    robot: str
+    leader: str
+    range_m: float
+    bearing_rad: float
+    heading_rad: float
+    speed_scale: float
+    covariance: list[float]
+    nis: float
+
+
+class LoopHealth(msgspec.Struct, frozen=True):
+    """Timing of the control loop since its start: step duration and wake-up lateness."""
+
+    cycles: int
+    overruns: int
+    p50_ms: float
+    p99_ms: float
+    max_ms: float
+    late_p99_ms: float
+    realtime: bool
+
+
+class BusHealth(msgspec.Struct, frozen=True):
+    """Counters of one robot's CAN port since it was opened."""
+
+    state: str
+    received: int
+    sent: int
+    send_failures: int
+    error_frames: int
+    blocked: int
+
+
+class DriveHealth(msgspec.Struct, frozen=True):
+    """One motor drive as its driver sees it."""
+
+    state: str
+    faults: list[str]
+    position: float
+    velocity: float
+
+
+class Status(Message, frozen=True, kw_only=True):
+    """One robot's state and health, 10 Hz and at every change of state.
+
+    `ready` says that the checks for arming pass; `not_ready` names those that do not.
+    """
+
+    robot: str
+    state: str
+    reason: str
+    ready: bool
+    not_ready: list[str]
+    mission_time_s: float | None
+    loop: LoopHealth
+    bus: BusHealth
+    steering: DriveHealth
+    drive: DriveHealth
+
+
+class Event(Message, frozen=True, kw_only=True):
+    """Something that happened once. `severity` is "info", "warning" or "error"."""
+
+    source: str
+    severity: str
+    text: str
+
+
+class Command(msgspec.Struct, frozen=True, kw_only=True):
+    """An operator's request: name is one of "arm", "start", "stop", "reset"."""
+
+    name: str
+    operator: str
+
+
+class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
+    """Accepted, or refused and why."""
+
+    robot: str
+    accepted: bool
+    reason: str
+
+
+class Estop(Message, frozen=True, kw_only=True):
+    """Emergency stop, repeated until every robot is in state ESTOP. Latched by the robots."""
+
+    operator: str
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """Where a simulated robot really is. Published by sim_hw only; robots never subscribe to it."""
+
+    robot: str
+    x_m: float
+    y_m: float
+    heading_rad: float
+    steering_rad: float
+    speed_mps: float
+
+
+_ENCODER = msgspec.json.Encoder()
+
+
+def encode(message: msgspec.Struct) -> bytes:
+    """JSON bytes of a message. Not-a-number has no JSON form: publishers set `valid` instead."""
+    return _ENCODER.encode(message)

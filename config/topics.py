@@ -1,0 +1,46 @@
+"""The one registry of Zenoh topics: key, message type, rate, staleness, recording.
+
+Keys are `echelon/<fleet>/<robot>/<topic>`. Truth lives in a tree of its own,
+`truth/<fleet>/<robot>/pose`, so that no key expression of a robot can reach it.
+"""
+
+from dataclasses import dataclass
+
+import msgspec
+
+from config import messages
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One row of the registry; `rate_hz` 0 means on change, `stale_after_s` 0 means never."""
+
+    name: str
+    template: str
+    message: type[msgspec.Struct]
+    rate_hz: float = 0.0
+    stale_after_s: float = 0.0
+    recorded: bool = True
+
+    def key(self, fleet: str, robot: str = "*") -> str:
+        """Key expression of this topic for one robot, or for all of them."""
+        return self.template.format(fleet=fleet, robot=robot)
+
+
+MOTION = Topic("motion", "echelon/{fleet}/{robot}/motion", messages.Motion, 100.0, 0.2)
+POSE = Topic("pose", "echelon/{fleet}/{robot}/pose", messages.PoseEstimate, 50.0, 0.2)
+RELATIVE = Topic(
+    "relative", "echelon/{fleet}/{robot}/relative", messages.RelativeEstimate, 50.0, 0.2
+)
+STATUS = Topic("status", "echelon/{fleet}/{robot}/status", messages.Status, 10.0, 0.5)
+EVENT = Topic("event", "echelon/{fleet}/{robot}/event", messages.Event)
+ESTOP = Topic("estop", "echelon/{fleet}/all/estop", messages.Estop)
+COMMAND = Topic("command", "echelon/{fleet}/{robot}/command", messages.Command, recorded=False)
+TRUTH = Topic("truth", "truth/{fleet}/{robot}/pose", messages.Truth, 100.0, 0.2)
+
+PUBLISHED: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, ESTOP, TRUTH)
+
+
+def liveliness_key(fleet: str, process: str) -> str:
+    """Key of the liveliness token of one process, e.g. a robot's name, "sim" or "ground"."""
+    return f"echelon/{fleet}/alive/{process}"
