@@ -1,0 +1,71 @@
+"""What a robot does in its formation: lead or follow. The rest of the robot is the same for both."""
+
+from typing import NamedTuple, Protocol
+
+from config.messages import Message, Motion
+from config.topics import Topic
+
+
+class Odometry(NamedTuple):
+    """A robot's own motion as its drives and its steering encoder report it."""
+
+    speed_mps: float
+    steering_rad: float
+    steering_rate_radps: float
+
+
+class Observation(NamedTuple):
+    """One bearing to a known marker or landmark, taken `age_s` ago.
+
+    `sensor_rad` is in the frame of the sensor's mounting (body or fork), `body_rad` in the body's.
+    """
+
+    marker: int
+    sensor_rad: float
+    body_rad: float
+    std_rad: float
+    age_s: float
+
+
+class Velocity(NamedTuple):
+    """Wanted velocity of the front-wheel midpoint [m/s] in the body's axes: forward, left."""
+
+    forward_mps: float
+    left_mps: float
+
+
+class Stamp(NamedTuple):
+    """The instant that a message speaks of, on both clocks [s]."""
+
+    now_s: float
+    wall_s: float
+
+
+class Role(Protocol):
+    """Estimation and control of a leader or a follower."""
+
+    def hear(self, motion: Motion, at: Stamp) -> None:
+        """Take in a message from another robot."""
+
+    def estimate(
+        self, at: Stamp, dt_s: float, odometry: Odometry, observations: list[Observation]
+    ) -> None:
+        """Carry the estimate on by `dt_s` to `at` and use the observations."""
+
+    def start(self) -> None:
+        """Begin the mission."""
+
+    def drive(self, dt_s: float, odometry: Odometry) -> Velocity:
+        """Velocity wanted for the next `dt_s`; called only while the robot runs."""
+
+    def ended(self) -> str | None:
+        """Why the mission is over, or None while it is not."""
+
+    def mission_time_s(self) -> float | None:
+        """Time on the mission's schedule, or None while it does not run."""
+
+    def not_ready(self) -> list[str]:
+        """What the estimate still lacks before the robot may be armed."""
+
+    def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
+        """The estimate as a message, once there is one."""
