@@ -1,4 +1,4 @@
-"""What a robot does in its formation: lead or follow. The rest of the robot is the same for both."""
+"""What a robot does in its formation: lead or follow. The rest is the same for both."""
 
 from typing import NamedTuple, Protocol
 

@@ -28,6 +28,8 @@ class Inputs:
     motions: list[Motion] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     estops: list[Estop] = field(default_factory=list)
+    unreadable: list[str] = field(default_factory=list)
+    shutdown: bool = False
 
 
 @dataclass(frozen=True, slots=True)

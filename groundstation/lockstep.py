@@ -1,0 +1,265 @@
+"""The whole fleet in one process under virtual time: same robots, buses, devices and messages.
+
+Nothing here waits or reads a clock, so a run depends on the fleet file and the seed alone.
+"""
+
+import itertools
+from collections.abc import Callable
+
+import can
+import msgspec
+import numpy as np
+from onboard.canbus.port import CanPort
+from onboard.robot import Robot
+from sim_hw.fleet import SimulatedFleet
+
+from config import topics
+from config.can.database import CanDatabase
+from config.can.frame import Frame
+from config.fleet import Fleet
+from config.messages import Command, CommandReply, Estop, LoopHealth, Motion, Status, Truth, encode
+from config.topics import Topic
+from onboard.step import Inputs, Outputs, Request
+
+Record = Callable[[str, bytes, int], None]
+
+# Virtual time starts here; the wall clock of a lockstep run starts at the epoch plus this offset.
+START_S = 10.0
+WALL_OFFSET_S = 1_000_000_000.0
+READY_LIMIT_S = 20.0
+STOP_LIMIT_S = 10.0
+
+_run_numbers = itertools.count()
+
+
+class LockstepFailed(Exception):
+    """The fleet did not do what the mission needs; the text names the robot and its reason."""
+
+
+class Station:
+    """One robot's computer: its `Robot`, its port, and the device side of its virtual bus."""
+
+    def __init__(self, fleet: Fleet, name: str, channel: str, seed: int, db: CanDatabase) -> None:
+        self.robot = Robot(fleet, name, db, seed)
+        self.device_bus = can.Bus(
+            interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
+        )
+        host_bus = can.Bus(
+            interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
+        )
+        self.port = CanPort(host_bus, "virtual", channel)
+        self.mail: list[Motion] = []
+        self.requests: list[Request] = []
+        self.estops: list[Estop] = []
+        self.replies: dict[int, CommandReply] = {}
+        self.running = True
+
+    def close(self) -> None:
+        """Leave the virtual bus."""
+        self.port.close()
+        self.device_bus.shutdown()
+
+
+class Lockstep:
+    """A fleet under virtual time, one tick of the control period at a time.
+
+    `stations[name].running = False` is what a killed onboard process looks like.
+    """
+
+    def __init__(self, fleet: Fleet, seed: int, record: Record | None = None) -> None:
+        self.fleet = fleet
+        self.now_s = START_S
+        self.statuses: dict[str, Status] = {}
+        self.simulation = SimulatedFleet(fleet, seed, START_S, CanDatabase.load())
+        self._record = record
+        self._ticks = 0
+        self._numbers = itertools.count(1)
+        self._truth_seq = 0
+        database = CanDatabase.load()
+        run = next(_run_numbers)
+        seeds = np.random.SeedSequence(seed).generate_state(len(fleet.robots))
+        self.stations = {
+            name: Station(fleet, name, f"lockstep-{run}-{name}", int(robot_seed), database)
+            for name, robot_seed in zip(fleet.robots, seeds, strict=True)
+        }
+        rates = {robot.loop.rate_hz for robot in fleet.robots.values()}
+        self.period_s = 1.0 / max(rates)
+
+    def close(self) -> None:
+        """Leave all virtual buses."""
+        for station in self.stations.values():
+            station.close()
+
+    def tick(self) -> None:
+        """Advance everything by one control period."""
+        self._ticks += 1
+        self.now_s = START_S + self._ticks * self.period_s
+        self.simulation.advance(self.now_s)
+        self._publish_truth()
+        sent: list[tuple[Topic, str, bytes]] = []
+        for name, station in self.stations.items():
+            self._devices_to_bus(name, station)
+            if station.running:
+                sent += [(topic, name, body) for topic, body in self._step(name, station)]
+            self._bus_to_devices(name, station)
+        for topic, name, body in sent:
+            self._deliver(topic, name, body)
+
+    def run_until(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Tick until the condition holds; False when `limit_s` of virtual time passed before."""
+        end_s = self.now_s + limit_s
+        while not condition():
+            if self.now_s >= end_s:
+                return False
+            self.tick()
+        return True
+
+    def command(self, name: str, command: str) -> CommandReply:
+        """Send an operator's command and tick until it is answered."""
+        number = next(self._numbers)
+        station = self.stations[name]
+        station.requests.append(Request(number, Command(name=command, operator="lockstep")))
+        if not self.run_until(lambda: number in station.replies, 1.0):
+            return CommandReply(robot=name, accepted=False, reason="no reply within 1 s")
+        return station.replies.pop(number)
+
+    def estop(self) -> None:
+        """Publish one emergency stop."""
+        stop = Estop(
+            seq=0, t_ns=self._nanoseconds(), wall_ns=self._wall_ns(), operator="lockstep"
+        )
+        self._put(topics.ESTOP.key(self.fleet.name), encode(stop))
+        for station in self.stations.values():
+            station.estops.append(stop)
+
+    def states(self) -> set[str]:
+        """The states that the robots last reported."""
+        return {status.state for status in self.statuses.values()}
+
+    def _nanoseconds(self) -> int:
+        return round(self.now_s * 1e9)
+
+    def _wall_ns(self) -> int:
+        return round((self.now_s + WALL_OFFSET_S) * 1e9)
+
+    def _put(self, key: str, body: bytes) -> None:
+        if self._record is not None:
+            self._record(key, body, self._wall_ns())
+
+    def _publish_truth(self) -> None:
+        self._truth_seq += 1
+        for name, simulated in self.simulation.robots.items():
+            truth = simulated.truth
+            message = Truth(
+                seq=self._truth_seq,
+                t_ns=self._nanoseconds(),
+                wall_ns=self._wall_ns(),
+                robot=name,
+                x_m=truth.x_m,
+                y_m=truth.y_m,
+                heading_rad=truth.heading_rad,
+                steering_rad=truth.steering_rad,
+                speed_mps=truth.speed_mps,
+            )
+            self._put(topics.TRUTH.key(self.fleet.name, name), encode(message))
+
+    def _devices_to_bus(self, name: str, station: Station) -> None:
+        for frame in self.simulation.robots[name].collect():
+            station.device_bus.send(
+                can.Message(
+                    timestamp=frame.t_s + WALL_OFFSET_S,
+                    arbitration_id=frame.can_id,
+                    data=frame.data,
+                    is_extended_id=False,
+                    is_remote_frame=frame.remote,
+                )
+            )
+
+    def _bus_to_devices(self, name: str, station: Station) -> None:
+        simulated = self.simulation.robots[name]
+        while (message := station.device_bus.recv(0)) is not None:
+            simulated.deliver(
+                Frame(
+                    message.arbitration_id,
+                    bytes(message.data),
+                    self.now_s,
+                    message.is_remote_frame,
+                )
+            )
+
+    def _step(self, name: str, station: Station) -> list[tuple[Topic, bytes]]:
+        wall_s = self.now_s + WALL_OFFSET_S
+        inputs = Inputs(
+            now_s=self.now_s,
+            wall_s=wall_s,
+            frames=station.port.receive(self.now_s, wall_s),
+            bus=station.port.health(),
+            loop=LoopHealth(self._ticks, 0, 0.0, 0.0, 0.0, 0.0, realtime=False),
+            motions=station.mail,
+            requests=station.requests,
+            estops=station.estops,
+        )
+        station.mail, station.requests, station.estops = [], [], []
+        outputs: Outputs = station.robot.step(inputs)
+        station.port.send(outputs.frames)
+        station.replies |= dict(outputs.replies)
+        return [(topic, encode(message)) for topic, message in outputs.messages]
+
+    def _deliver(self, topic: Topic, name: str, body: bytes) -> None:
+        """What Zenoh does: to the recorder, to the followers and to the operator."""
+        self._put(topic.key(self.fleet.name, name), body)
+        if topic is topics.MOTION:
+            for follower in self.fleet.followers_of(name):
+                self.stations[follower].mail.append(msgspec.json.decode(body, type=Motion))
+        elif topic is topics.STATUS:
+            self.statuses[name] = msgspec.json.decode(body, type=Status)
+
+
+def run_lockstep(
+    fleet: Fleet, seed: int, record: Record, progress: Callable[[float], None] | None = None
+) -> None:
+    """Drive the fleet's mission from standing still to standing still.
+
+    `progress` is told the mission time [s] about once a second of virtual time.
+
+    Raises:
+        LockstepFailed: a robot does not become ready or refuses a command.
+    """
+    lockstep = Lockstep(fleet, seed, record)
+    try:
+        _arm_and_start(lockstep)
+        limit_s = fleet.mission.duration_s + STOP_LIMIT_S
+        end_s = lockstep.now_s + limit_s
+        while lockstep.now_s < end_s and not lockstep.states() <= {"STANDBY", "FAULT", "ESTOP"}:
+            lockstep.run_until(lambda: False, 1.0)
+            if progress is not None:
+                progress(max(0.0, fleet.mission.duration_s - (end_s - lockstep.now_s)))
+    finally:
+        lockstep.close()
+
+
+def start_order(fleet: Fleet) -> list[str]:
+    """Followers first, leaders last: nobody moves before those behind are ready."""
+    followers = [name for name, robot in fleet.robots.items() if robot.leader is not None]
+    return followers + [name for name in fleet.robots if name not in followers]
+
+
+def _arm_and_start(lockstep: Lockstep) -> None:
+    names = start_order(lockstep.fleet)
+    if not lockstep.run_until(
+        lambda: len(lockstep.statuses) == len(names)
+        and all(status.ready for status in lockstep.statuses.values()),
+        READY_LIMIT_S,
+    ):
+        waiting = "; ".join(
+            f"{name}: {', '.join(status.not_ready)}"
+            for name, status in lockstep.statuses.items()
+            if not status.ready
+        )
+        raise LockstepFailed(f"not ready within {READY_LIMIT_S:.0f} s: {waiting}")
+    for command, state in (("arm", "ARMED"), ("start", "RUNNING")):
+        for name in names:
+            reply = lockstep.command(name, command)
+            if not reply.accepted:
+                raise LockstepFailed(f"{name} refuses to {command}: {reply.reason}")
+        lockstep.run_until(lambda wanted=state: lockstep.states() == {wanted}, 2.0)

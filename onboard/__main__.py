@@ -1,0 +1,72 @@
+"""`echelon-onboard`: one robot. Wiring and the loop, nothing else."""
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections.abc import Sequence
+
+from config.loader import FleetFileError, expand_channel, load_fleet, resolve_fleet
+
+from config.can.database import CanDatabase, DatabaseMismatch
+from onboard.canbus.port import BusUnavailable, CanPort
+from onboard.link import Link, LinkUnavailable
+from onboard.loop import run
+from onboard.robot import Robot
+from onboard.timing import LoopStatistics, request_realtime
+
+BAD_INPUT = 2
+EXAMPLE = "example: echelon-onboard --fleet hardware.yaml --robot r2"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one robot until SIGTERM or SIGINT; returns the process's exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        _drive(options.fleet, options.robot, options.seed)
+    except (FleetFileError, DatabaseMismatch, BusUnavailable, LinkUnavailable) as error:
+        print(f"echelon-onboard: {error}", file=sys.stderr)
+        return BAD_INPUT
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="echelon-onboard", description="One robot of a fleet.", epilog=EXAMPLE
+    )
+    parser.add_argument("--fleet", required=True, help="fleet file, or a shipped fleet's name")
+    parser.add_argument("--robot", required=True, help="this robot's name in the fleet file")
+    parser.add_argument("--seed", type=int, default=0, help="of the particle filter (default 0)")
+    return parser
+
+
+def _drive(fleet_name: str, name: str, seed: int) -> None:
+    fleet = load_fleet(resolve_fleet(fleet_name)).fleet
+    if name not in fleet.robots:
+        known = ", ".join(fleet.robots)
+        raise FleetFileError(f"{fleet_name}: no robot {name!r}; the fleet has {known}")
+    settings = fleet.robots[name]
+    robot = Robot(fleet, name, CanDatabase.load(), seed)
+    stop_signals: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda received, _: stop_signals.append(received))
+    with (
+        contextlib.closing(CanPort.open(settings.can, expand_channel(fleet, name))) as port,
+        Link(fleet, name) as link,
+    ):
+        refusal = request_realtime(settings.loop.realtime_priority)
+        statistics = LoopStatistics(realtime=refusal is None)
+        if refusal is not None:
+            print(f"{name}: no real-time priority: {refusal}", file=sys.stderr)
+        print(f"{name}: up on {settings.can.interface} {port.channel}", file=sys.stderr)
+        run(robot, port, link, 1.0 / settings.loop.rate_hz, statistics, lambda: bool(stop_signals))
+        health = statistics.health
+        print(
+            f"{name}: {health.cycles} cycles, {health.overruns} overruns, "
+            f"wake-up lateness p99 {health.late_p99_ms:.2f} ms",
+            file=sys.stderr,
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
