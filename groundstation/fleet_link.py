@@ -1,0 +1,215 @@
+"""The ground station's Zenoh session: hears the fleet, sends commands and emergency stops."""
+
+import getpass
+import re
+import socket
+import time
+from collections.abc import Callable, Iterable, Sequence
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import msgspec
+import zenoh
+from zenoh.handlers import FifoChannel
+
+from config import topics
+from config.fleet import Fleet
+from config.messages import Command, CommandReply, Estop, Message, encode
+from config.topics import Topic
+from config.zenoh_settings import session_config
+from groundstation import keys
+from groundstation.errors import GroundError
+from groundstation.fleet_view import FleetView
+
+BACKLOG = 8192
+REPLY_TIMEOUT_S = 2.0
+ESTOP_PERIOD_S = 0.05
+POLL_S = 0.01
+ANY_LOOPBACK = "tcp/127.0.0.1:0"
+
+
+class Heard(NamedTuple):
+    """One message as it arrived."""
+
+    key: str
+    payload: bytes
+    message: Message
+
+
+class FleetLink:
+    """Session with one fleet. Nothing arrives by itself: call `poll` at least every second.
+
+    Use `as_ground_station` or `as_visitor` to make one, and close it (it is a context manager).
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        listen: str,
+        connect: list[str],
+        hear: Iterable[Topic],
+        announce: str | None = None,
+    ) -> None:
+        self.view = FleetView()
+        self.unreadable: list[str] = []
+        self._fleet = fleet
+        self._session = _open(listen, connect)
+        self._decoders = {
+            topic.name: msgspec.json.Decoder(topic.message) for topic in topics.PUBLISHED
+        }
+        self._addresses: dict[str, keys.Address] = {}
+        self._subscribers = [
+            self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG))
+            for topic in hear
+        ]
+        self._tokens = self._session.liveliness().declare_subscriber(
+            topics.liveliness_key(fleet.name, "*"), FifoChannel(BACKLOG), history=True
+        )
+        self._estop = self._session.declare_publisher(topics.ESTOP.key(fleet.name))
+        self._estops_sent = 0
+        self._own_token = (
+            self._session.liveliness().declare_token(topics.liveliness_key(fleet.name, announce))
+            if announce is not None
+            else None
+        )
+
+    @classmethod
+    def as_ground_station(cls, fleet: Fleet) -> Self:
+        """Listen on the fleet's ground endpoint and hear everything, truth too.
+
+        Raises GroundError when the endpoint cannot be opened.
+        """
+        return cls(fleet, fleet.ground, [], topics.PUBLISHED, announce="ground")
+
+    @classmethod
+    def as_visitor(cls, fleet: Fleet) -> Self:
+        """Join a running fleet through its ground station and its robots' fixed endpoints."""
+        robots = [robot.listen for robot in fleet.robots.values()]
+        fixed = [endpoint for endpoint in robots if not endpoint.endswith(":0")]
+        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], (topics.STATUS,))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._session.close()
+
+    def poll(self) -> list[Heard]:
+        """Everything that arrived since the last call, also taken into `view`.
+
+        A message that cannot be read is left out and named in `unreadable`.
+        """
+        while (token := self._tokens.handler.try_recv()) is not None:
+            process = str(token.key_expr).rpartition("/")[2]
+            if token.kind == zenoh.SampleKind.PUT:
+                self.view.alive.add(process)
+            else:
+                self.view.alive.discard(process)
+        heard: list[Heard] = []
+        for subscriber in self._subscribers:
+            while (sample := subscriber.handler.try_recv()) is not None:
+                self._take(str(sample.key_expr), sample.payload.to_bytes(), heard)
+        return heard
+
+    def wait_until(self, reached: Callable[[], bool], timeout_s: float) -> bool:
+        """Poll until the condition holds; False when it does not within the time."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            self.poll()
+            if reached():
+                return True
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(POLL_S)
+
+    def command(self, name: str, robots: Sequence[str]) -> dict[str, CommandReply]:
+        """Send one command to several robots at once and collect their replies.
+
+        A robot that does not answer is reported as refusing, with that as the reason.
+        """
+        payload = encode(Command(name=name, operator=operator()))
+        pending = {
+            robot: self._session.get(
+                topics.COMMAND.key(self._fleet.name, robot),
+                payload=payload,
+                timeout=REPLY_TIMEOUT_S,
+            )
+            for robot in robots
+        }
+        return {robot: _reply(robot, replies) for robot, replies in pending.items()}
+
+    def publish_estop(self) -> None:
+        """Publish the emergency stop once."""
+        self._estops_sent += 1
+        message = Estop(
+            seq=self._estops_sent,
+            t_ns=time.monotonic_ns(),
+            wall_ns=time.time_ns(),
+            operator=operator(),
+        )
+        self._estop.put(encode(message))
+
+    def estop(self, timeout_s: float) -> dict[str, bool]:
+        """Repeat the emergency stop until every robot reports ESTOP, or the time is over.
+
+        Returns which robots report it.
+        """
+        deadline = time.monotonic() + timeout_s
+        while True:
+            self.publish_estop()
+            reached = self.wait_until(self._all_in_estop, ESTOP_PERIOD_S)
+            if reached or time.monotonic() > deadline:
+                return {name: self.view.state(name) == "ESTOP" for name in self._fleet.robots}
+
+    def _all_in_estop(self) -> bool:
+        return all(self.view.state(name) == "ESTOP" for name in self._fleet.robots)
+
+    def _take(self, key: str, payload: bytes, heard: list[Heard]) -> None:
+        if key not in self._addresses:
+            self._addresses[key] = keys.parse(key)
+        address = self._addresses[key]
+        try:
+            message = self._decoders[address.topic.name].decode(payload)
+        except msgspec.MsgspecError as error:
+            self.unreadable.append(f"message on {key} cannot be read: {error}")
+            return
+        if isinstance(message, Message):
+            self.view.hear(address, message)
+            heard.append(Heard(key, payload, message))
+
+
+def operator() -> str:
+    """Who commands: user and host."""
+    return f"{getpass.getuser()}@{socket.gethostname()}"
+
+
+def _reply(robot: str, replies: zenoh.handlers.Handler[zenoh.Reply]) -> CommandReply:
+    for reply in replies:
+        if reply.ok is None:
+            continue
+        try:
+            return msgspec.json.decode(reply.ok.payload.to_bytes(), type=CommandReply)
+        except msgspec.MsgspecError as error:
+            return CommandReply(
+                robot=robot, accepted=False, reason=f"its answer cannot be read: {error}"
+            )
+    return CommandReply(
+        robot=robot, accepted=False, reason=f"no answer within {REPLY_TIMEOUT_S:g} s"
+    )
+
+
+def _open(listen: str, connect: list[str]) -> zenoh.Session:
+    try:
+        return zenoh.open(zenoh.Config.from_json5(session_config(listen, connect)))
+    except zenoh.ZError as error:
+        known = re.search(r"[A-Z][^:\[\]]*(?= \(os error)", str(error))
+        cause = known[0] if known else str(error).split(" at /")[0]
+        raise GroundError(
+            f"cannot listen on {listen}: {cause}. If another ground station or demo uses this "
+            f"endpoint, end it, or choose another one: --ground {ANY_LOOPBACK} takes a free port."
+        ) from error
