@@ -24,15 +24,15 @@ class CodecError(ValueError):
     """A frame or a value that a codec cannot take."""
 
 
-class FrameTooShort(CodecError):  # noqa: N818  reads as what happened
+class FrameTooShort(CodecError):
     """A frame with fewer data bytes than its message has."""
 
 
-class NonFiniteSignal(CodecError):  # noqa: N818
+class NonFiniteSignal(CodecError):
     """NaN or infinity for a signal that is an integer on the wire."""
 
 
-class UnsupportedSignal(Exception):  # noqa: N818
+class UnsupportedSignal(Exception):
     """A signal layout that this compiler does not know; the text names it."""
 
 

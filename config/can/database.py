@@ -1,8 +1,4 @@
-"""The CAN database of a robot: three DBC templates, moved to the robot's nodes.
-
-Identifier plan (lower wins the bus): 0x010 system, node * 32 for an axis, 0x060 steering encoder,
-0x120 + 0x20 * unit for a bearing sensor.
-"""
+"""The CAN database of a robot: three DBC templates, moved to the robot's nodes."""
 
 from dataclasses import dataclass
 from importlib import resources
@@ -13,14 +9,14 @@ from cantools.database.errors import Error as CantoolsError
 
 from config.can.group import DatabaseMismatch, GroupT, build_group
 from config.can.odrive import AxisCodecs
+from config.can.plan import IDS_PER_NODE
 from config.can.vehicle import BearingSensorCodecs, VehicleAuxCodecs
+
+__all__ = ["CanDatabase", "DatabaseMismatch", "template_text"]
 
 AXIS_DBC = "odrive_axis.dbc"
 BEARING_SENSOR_DBC = "bearing_sensor.dbc"
 VEHICLE_AUX_DBC = "vehicle_aux.dbc"
-IDS_PER_NODE = 32
-STEERING_ENCODER_NODE = 3
-FIRST_BEARING_SENSOR_NODE = 9
 
 
 def template_text(dbc: str) -> str:

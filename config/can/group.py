@@ -19,7 +19,7 @@ _E2E_PROFILE = 2
 GroupT = TypeVar("GroupT", bound="CodecGroup")
 
 
-class DatabaseMismatch(Exception):  # noqa: N818  reads as what happened
+class DatabaseMismatch(Exception):
     """A DBC file without something that the code relies on; the text names file and place."""
 
 
