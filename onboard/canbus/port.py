@@ -1,0 +1,195 @@
+"""The one owner of a robot's CAN bus: python-can behind frames, counters and named states.
+
+The control loop polls `fileno()` and drains with `receive`; there is no thread. Setpoints are
+never handed to python-can's periodic sending, which would go on while the loop hangs, and a frame
+that could not be sent is dropped and counted, never tried again later. No filter is set, because
+python-can's `recv(0)` says "nothing more" at the first frame that a software filter takes out.
+"""
+
+import errno
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import TYPE_CHECKING, Self
+
+from config.can.frame import Frame
+from config.messages import BusHealth
+from onboard.canbus.bus_errors import BusNotice, BusUnavailable, decode_error_frame, unavailable
+
+if TYPE_CHECKING:
+    import can
+
+MAX_PER_RECEIVE = 512
+MAX_FRAME_AGE_S = 0.05
+"""Limit for the age of a received frame: a step of the wall clock must not age it more."""
+
+_BITRATE_SET_ELSEWHERE = frozenset(
+    ("socketcan", "simcan", "virtual", "udp_multicast", "socketcand")
+)
+_LINK_LOST = frozenset(
+    (
+        errno.ENETDOWN,
+        errno.ENODEV,
+        errno.ENXIO,
+        errno.EPIPE,
+        errno.ECONNRESET,
+        errno.ECONNREFUSED,
+        errno.ENOTCONN,
+        errno.EBADF,
+        errno.ESHUTDOWN,
+    )
+)
+
+
+class BusState(StrEnum):
+    """State of the bus as the port sees it. Only a new port leads out of LOST and CLOSED."""
+
+    ACTIVE = "active"
+    PASSIVE = "passive"
+    BUS_OFF = "bus-off"
+    LOST = "lost"
+    CLOSED = "closed"
+
+
+_STATE_OF = {
+    BusNotice.PASSIVE: BusState.PASSIVE,
+    BusNotice.BUS_OFF: BusState.BUS_OFF,
+    BusNotice.RECOVERED: BusState.ACTIVE,
+}
+_USABLE = (BusState.ACTIVE, BusState.PASSIVE)
+
+
+class CanPort:
+    """An open bus. `state` and `reason` say how it is, the counters are in `health`."""
+
+    def __init__(self, bus: "can.BusABC") -> None:
+        self.state = BusState.ACTIVE
+        self.reason = "open"
+        self._bus = bus
+        self._received = 0
+        self._sent = 0
+        self._send_failures = 0
+        self._error_frames = 0
+
+    @classmethod
+    def open(cls, interface: str, channel: str, bitrate: int) -> Self:
+        """Open a bus in python-can's words; raises BusUnavailable.
+
+        `bitrate` [bit/s] is passed on only to interfaces that set it; on socketcan, for one, it
+        is a setting of the network interface.
+        """
+        import can
+
+        try:
+            if interface in _BITRATE_SET_ELSEWHERE:
+                bus = can.Bus(channel, interface, ignore_config=True)
+            else:
+                bus = can.Bus(channel, interface, ignore_config=True, bitrate=bitrate)
+        except Exception as error:  # back-ends raise whatever their libraries do
+            raise unavailable(interface, channel, error) from error
+        return cls(bus)
+
+    def fileno(self) -> int | None:
+        """Descriptor to poll for received frames; None where the interface has none."""
+        try:
+            return self._bus.fileno()
+        except NotImplementedError:
+            return None
+
+    def receive(self, now_s: float, wall_s: float) -> list[Frame]:
+        """Take what has arrived, without waiting, at most 512 frames.
+
+        `now_s` and `wall_s` are the monotonic and the wall clock at this moment. python-can
+        stamps frames with the wall clock; the result carries monotonic time.
+        """
+        frames: list[Frame] = []
+        if self.state in (BusState.LOST, BusState.CLOSED):
+            return frames
+        for _ in range(MAX_PER_RECEIVE):
+            try:
+                message = self._bus.recv(0)
+            except Exception as error:  # python-can lets OSError, ValueError, struct.error through
+                self._lose(f"receiving failed: {_text(error)}")
+                break
+            if message is None:
+                break
+            if message.is_error_frame:
+                self._on_error_frame(message.arbitration_id, bytes(message.data))
+            elif not message.is_extended_id:
+                age_s = min(max(wall_s - message.timestamp, 0.0), MAX_FRAME_AGE_S)
+                frames.append(_frame(message, now_s - age_s))
+        self._received += len(frames)
+        return frames
+
+    def send(self, frames: Iterable[Frame]) -> int:
+        """Send without waiting and return how many frames went; the others are counted, dropped."""
+        went = 0
+        for frame in frames:
+            if self.state in _USABLE and self._send_one(frame):
+                went += 1
+            else:
+                self._send_failures += 1
+        self._sent += went
+        return went
+
+    def health(self) -> BusHealth:
+        """State with its reason, and the counters since opening."""
+        return BusHealth(
+            state=self.state,
+            reason=self.reason,
+            received=self._received,
+            sent=self._sent,
+            send_failures=self._send_failures,
+            error_frames=self._error_frames,
+        )
+
+    def close(self) -> None:
+        """Give the bus back; the port cannot be used again."""
+        if self.state is not BusState.CLOSED:
+            self._bus.shutdown()
+            self.state, self.reason = BusState.CLOSED, "closed"
+
+    def _send_one(self, frame: Frame) -> bool:
+        try:
+            self._bus.send(_message(frame), timeout=0)
+        except Exception as error:  # python-can lets OSError through
+            if _is_link_loss(error):
+                self._lose(f"sending failed: {_text(error)}")
+            return False
+        return True
+
+    def _on_error_frame(self, error_class: int, data: bytes) -> None:
+        self._error_frames += 1
+        notice, text = decode_error_frame(error_class, data)
+        if notice is not None:
+            self.state, self.reason = _STATE_OF[notice], text
+
+    def _lose(self, reason: str) -> None:
+        self.state, self.reason = BusState.LOST, reason
+
+
+def _frame(message: "can.Message", t_s: float) -> Frame:
+    return Frame(message.arbitration_id, bytes(message.data), t_s, message.is_remote_frame)
+
+
+def _message(frame: Frame) -> "can.Message":
+    import can
+
+    return can.Message(
+        arbitration_id=frame.can_id,
+        data=None if frame.remote else frame.data,
+        is_remote_frame=frame.remote,
+        is_extended_id=False,
+    )
+
+
+def _is_link_loss(error: Exception) -> bool:
+    """A full buffer, or any error that python-can gives no number for, is no loss of the link."""
+    code = error.errno if isinstance(error, OSError) else getattr(error, "error_code", None)
+    return code in _LINK_LOST
+
+
+def _text(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
+
+
+__all__ = ["BusState", "BusUnavailable", "CanPort"]
