@@ -95,11 +95,11 @@ class BusHealth(msgspec.Struct, frozen=True):
     """Counters of one robot's CAN port since it was opened."""
 
     state: str
+    reason: str
     received: int
     sent: int
     send_failures: int
     error_frames: int
-    blocked: int
 
 
 class DriveHealth(msgspec.Struct, frozen=True):
@@ -115,6 +115,7 @@ class Status(Message, frozen=True, kw_only=True):
     """One robot's state and health, 10 Hz and at every change of state.
 
     `ready` says that the checks for arming pass; `not_ready` names those that do not.
+    `blocked_frames` counts what the transmit guard did not let pass.
     """
 
     robot: str
@@ -125,6 +126,7 @@ class Status(Message, frozen=True, kw_only=True):
     mission_time_s: float | None
     loop: LoopHealth
     bus: BusHealth
+    blocked_frames: int
     steering: DriveHealth
     drive: DriveHealth
 

@@ -28,6 +28,7 @@ START_S = 10.0
 WALL_OFFSET_S = 1_000_000_000.0
 READY_LIMIT_S = 20.0
 STOP_LIMIT_S = 10.0
+COMMAND_LIMIT_S = 2.0
 
 _run_numbers = itertools.count()
 
@@ -47,7 +48,7 @@ class Station:
         host_bus = can.Bus(
             interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
         )
-        self.port = CanPort(host_bus, "virtual", channel)
+        self.port = CanPort(host_bus)
         self.mail: list[Motion] = []
         self.requests: list[Request] = []
         self.estops: list[Estop] = []
@@ -100,7 +101,7 @@ class Lockstep:
         for name, station in self.stations.items():
             self._devices_to_bus(name, station)
             if station.running:
-                sent += [(topic, name, body) for topic, body in self._step(name, station)]
+                sent += [(topic, name, body) for topic, body in self._step(station)]
             self._bus_to_devices(name, station)
         for topic, name, body in sent:
             self._deliver(topic, name, body)
@@ -125,9 +126,7 @@ class Lockstep:
 
     def estop(self) -> None:
         """Publish one emergency stop."""
-        stop = Estop(
-            seq=0, t_ns=self._nanoseconds(), wall_ns=self._wall_ns(), operator="lockstep"
-        )
+        stop = Estop(seq=0, t_ns=self._nanoseconds(), wall_ns=self._wall_ns(), operator="lockstep")
         self._put(topics.ESTOP.key(self.fleet.name), encode(stop))
         for station in self.stations.values():
             station.estops.append(stop)
@@ -187,7 +186,7 @@ class Lockstep:
                 )
             )
 
-    def _step(self, name: str, station: Station) -> list[tuple[Topic, bytes]]:
+    def _step(self, station: Station) -> list[tuple[Topic, bytes]]:
         wall_s = self.now_s + WALL_OFFSET_S
         inputs = Inputs(
             now_s=self.now_s,
@@ -247,8 +246,10 @@ def start_order(fleet: Fleet) -> list[str]:
 def _arm_and_start(lockstep: Lockstep) -> None:
     names = start_order(lockstep.fleet)
     if not lockstep.run_until(
-        lambda: len(lockstep.statuses) == len(names)
-        and all(status.ready for status in lockstep.statuses.values()),
+        lambda: (
+            len(lockstep.statuses) == len(names)
+            and all(status.ready for status in lockstep.statuses.values())
+        ),
         READY_LIMIT_S,
     ):
         waiting = "; ".join(
@@ -257,9 +258,15 @@ def _arm_and_start(lockstep: Lockstep) -> None:
             if not status.ready
         )
         raise LockstepFailed(f"not ready within {READY_LIMIT_S:.0f} s: {waiting}")
-    for command, state in (("arm", "ARMED"), ("start", "RUNNING")):
-        for name in names:
-            reply = lockstep.command(name, command)
-            if not reply.accepted:
-                raise LockstepFailed(f"{name} refuses to {command}: {reply.reason}")
-        lockstep.run_until(lambda wanted=state: lockstep.states() == {wanted}, 2.0)
+    _command_all(lockstep, names, "arm", "ARMED")
+    _command_all(lockstep, names, "start", "RUNNING")
+
+
+def _command_all(lockstep: Lockstep, names: list[str], command: str, state: str) -> None:
+    for name in names:
+        reply = lockstep.command(name, command)
+        if not reply.accepted:
+            raise LockstepFailed(f"{name} refuses to {command}: {reply.reason}")
+    if not lockstep.run_until(lambda: lockstep.states() == {state}, COMMAND_LIMIT_S):
+        states = {name: status.state for name, status in lockstep.statuses.items()}
+        raise LockstepFailed(f"not {state} within {COMMAND_LIMIT_S:.0f} s: {states}")

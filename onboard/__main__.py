@@ -6,9 +6,8 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from config.loader import FleetFileError, expand_channel, load_fleet, resolve_fleet
-
 from config.can.database import CanDatabase, DatabaseMismatch
+from config.loader import FleetFileError, expand_channel, load_fleet, resolve_fleet
 from onboard.canbus.port import BusUnavailable, CanPort
 from onboard.link import Link, LinkUnavailable
 from onboard.loop import run
@@ -46,19 +45,20 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
         known = ", ".join(fleet.robots)
         raise FleetFileError(f"{fleet_name}: no robot {name!r}; the fleet has {known}")
     settings = fleet.robots[name]
+    can, channel = settings.can, expand_channel(fleet, name)
     robot = Robot(fleet, name, CanDatabase.load(), seed)
     stop_signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: stop_signals.append(received))
     with (
-        contextlib.closing(CanPort.open(settings.can, expand_channel(fleet, name))) as port,
+        contextlib.closing(CanPort.open(can.interface, channel, can.bitrate)) as port,
         Link(fleet, name) as link,
     ):
         refusal = request_realtime(settings.loop.realtime_priority)
         statistics = LoopStatistics(realtime=refusal is None)
         if refusal is not None:
             print(f"{name}: no real-time priority: {refusal}", file=sys.stderr)
-        print(f"{name}: up on {settings.can.interface} {port.channel}", file=sys.stderr)
+        print(f"{name}: up on {can.interface} {channel}", file=sys.stderr)
         run(robot, port, link, 1.0 / settings.loop.rate_hz, statistics, lambda: bool(stop_signals))
         health = statistics.health
         print(

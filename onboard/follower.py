@@ -7,11 +7,19 @@ from config.fleet import Fleet, Robot
 from config.messages import Message, Motion, RelativeEstimate
 from config.topics import RELATIVE, Topic
 from onboard.control.formation import desired_velocity
-from onboard.estimate.factory import RelativeEstimator, relative_estimator
-from onboard.role import Observation, Odometry, Stamp, Velocity
+from onboard.control.steering import WheelController, WheelSetpoint
+from onboard.estimate.beliefs import RelativeFilter, RelativePrior
+from onboard.estimate.factory import make_relative_filter
+from onboard.model.vehicle import WheelMotion
+from onboard.role import Observation, Odometry, Stamp
+from onboard.safety.observations import LeaderSeen
 
 STANDING_MPS = 0.02
 SETTLED_RANGE_FRACTION = 0.1
+# The start poses of the fleet file are a rough guess of where people put the robots.
+PRIOR_RANGE_FRACTION = 0.3
+PRIOR_BEARING_STD_RAD = 0.3
+PRIOR_HEADING_STD_RAD = 0.3
 
 
 class Follower:
@@ -21,21 +29,21 @@ class Follower:
         self._name = name
         self._robot = fleet.robots[name]
         assert self._robot.leader is not None, "a follower has a leader"
-        self._leader_name = self._robot.leader
+        assert self._robot.offset is not None, "a follower has a place"
+        self._leader_name, self._offset = self._robot.leader, self._robot.offset
         self._leader = fleet.robots[self._leader_name]
         self._leader_markers = {marker.id: marker for marker in self._leader.markers}
         self._own_markers = {marker.id: marker for marker in self._robot.markers}
-        self._filter: RelativeEstimator | None = None
+        self._filter: RelativeFilter | None = None
         self._motion: Motion | None = None
         self._used_sighting_ns = 0
         self._driving = False
         self._nis = 0.0
 
-    def hear(self, motion: Motion, at: Stamp) -> None:
-        """Keep the leader's newest message."""
-        if motion.robot == self._leader_name and (
-            self._motion is None or motion.t_ns > self._motion.t_ns
-        ):
+    def hear(self, motion: Motion) -> None:
+        """Keep the leader's newest valid message."""
+        newest_ns = -1 if self._motion is None else self._motion.t_ns
+        if motion.valid and motion.robot == self._leader_name and motion.t_ns > newest_ns:
             self._motion = motion
 
     def estimate(
@@ -46,13 +54,11 @@ class Follower:
         if motion is None:
             return
         if self._filter is None:
-            self._filter = relative_estimator(self._robot, self._leader)
+            self._filter = self._new_filter()
         self._filter.predict(
             dt_s,
-            odometry.speed_mps,
-            odometry.steering_rad,
-            motion.speed_mps,
-            motion.steering_rad,
+            WheelMotion(odometry.speed_mps, odometry.steering_rad),
+            WheelMotion(motion.speed_mps, motion.steering_rad),
         )
         for seen in observations:
             marker = self._leader_markers.get(seen.marker)
@@ -63,7 +69,15 @@ class Follower:
                 self._nis = innovation.nis
         self._use_sightings(self._filter, motion, at)
 
-    def _use_sightings(self, estimator: RelativeEstimator, motion: Motion, at: Stamp) -> None:
+    def _new_filter(self) -> RelativeFilter:
+        return make_relative_filter(
+            self._robot.relative_filter,
+            self._robot.vehicle.wheelbase_m,
+            self._leader.vehicle.wheelbase_m,
+            expected_start(self._robot, self._leader),
+        )
+
+    def _use_sightings(self, estimator: RelativeFilter, motion: Motion, at: Stamp) -> None:
         """Mutual bearings: what the leader saw of this robot, each used once."""
         clock_offset_ns = motion.wall_ns - motion.t_ns
         newest_ns = self._used_sighting_ns
@@ -76,22 +90,28 @@ class Follower:
             newest_ns = max(newest_ns, seen.t_ns)
         self._used_sighting_ns = newest_ns
 
-    def start(self) -> None:
+    def start(self, steering_rad: float) -> None:
         """Wait for the leader to move."""
         self._driving = False
 
-    def drive(self, dt_s: float, odometry: Odometry) -> Velocity:
+    def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
         """Hold the place once the leader drives; stand before."""
         motion, estimator = self._motion, self._filter
         if motion is None or estimator is None:
-            return Velocity(0.0, 0.0)
+            return wheels.stop(dt_s)
         if motion.mission_time_s is not None:
             self._driving = True
         if not self._driving:
-            return Velocity(0.0, 0.0)
-        return desired_velocity(
-            estimator.estimate(), motion.speed_mps, motion.steering_rad, self._leader, self._robot
+            return wheels.stop(dt_s)
+        wanted = desired_velocity(
+            self._robot.formation,
+            self._offset,
+            estimator.estimate(),
+            WheelMotion(motion.speed_mps, motion.steering_rad),
+            self._leader.vehicle.wheelbase_m,
+            self._robot.vehicle.wheelbase_m,
         )
+        return wheels.follow(dt_s, wanted, odometry.steering_rad)
 
     def ended(self) -> str | None:
         """The leader has driven and stands again, or has given up."""
@@ -106,17 +126,28 @@ class Follower:
         """The leader's, so that it travels down the chain."""
         return self._motion.mission_time_s if self._motion and self._driving else None
 
+    def watches(self, marker: int) -> bool:
+        """A follower lives on what it sees of its leader."""
+        return marker in self._leader_markers
+
+    def leader_seen(self, at: Stamp) -> LeaderSeen | None:
+        """Age by the content, so that a backlog delivered late does not count as news."""
+        motion = self._motion
+        if motion is None:
+            return LeaderSeen(self._leader_name, None, None)
+        age_s = at.wall_s - motion.wall_ns * 1e-9
+        return LeaderSeen(self._leader_name, age_s, motion.state)
+
     def not_ready(self) -> list[str]:
         """The range must be known before the robot may move."""
         if self._filter is None:
             return [f"no message from leader {self._leader_name} yet"]
         belief = self._filter.estimate()
-        range_std_m = math.sqrt(belief.covariance[0][0])
         limit_m = SETTLED_RANGE_FRACTION * belief.range_m
-        if range_std_m > limit_m:
+        if belief.range_std_m > limit_m:
             return [
                 f"range to {self._leader_name} not settled: "
-                f"standard deviation {range_std_m:.3f} m, limit {limit_m:.3f} m"
+                f"standard deviation {belief.range_std_m:.3f} m, limit {limit_m:.3f} m"
             ]
         return []
 
@@ -135,16 +166,20 @@ class Follower:
             bearing_rad=belief.bearing_rad,
             heading_rad=belief.heading_rad,
             speed_scale=belief.speed_scale,
-            covariance=[value for row in belief.covariance for value in row],
+            covariance=list(belief.covariance),
             nis=self._nis,
         )
 
 
-def expected_start(robot: Robot, leader: Robot) -> tuple[float, float, float]:
-    """Range [m], bearing and heading [rad] of the leader at the fleet file's start poses."""
-    dx, dy = leader.start.x_m - robot.start.x_m, leader.start.y_m - robot.start.y_m
-    return (
-        math.hypot(dx, dy),
-        wrap(math.atan2(dy, dx) - robot.start.heading_rad),
-        wrap(leader.start.heading_rad - robot.start.heading_rad),
+def expected_start(robot: Robot, leader: Robot) -> RelativePrior:
+    """Where the leader stands at the fleet file's start poses, seen from the follower."""
+    dx_m, dy_m = leader.start.x_m - robot.start.x_m, leader.start.y_m - robot.start.y_m
+    range_m = math.hypot(dx_m, dy_m)
+    return RelativePrior(
+        range_m=range_m,
+        range_std_m=PRIOR_RANGE_FRACTION * range_m,
+        bearing_rad=wrap(math.atan2(dy_m, dx_m) - robot.start.heading_rad),
+        bearing_std_rad=PRIOR_BEARING_STD_RAD,
+        heading_rad=wrap(leader.start.heading_rad - robot.start.heading_rad),
+        heading_std_rad=PRIOR_HEADING_STD_RAD,
     )

@@ -1,13 +1,13 @@
 """The leader: drives the mission's schedule and localises itself from bearings to landmarks."""
 
-import math
-
 from config.fleet import Fleet
 from config.messages import Message, Motion, PoseEstimate
 from config.topics import POSE, Topic
-from onboard.control.schedule import LeaderReference
+from onboard.control.schedule import LeaderReference, VelocityPlan
+from onboard.control.steering import WheelController, WheelSetpoint
 from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser
-from onboard.role import Observation, Odometry, Stamp, Velocity
+from onboard.role import Observation, Odometry, Stamp
+from onboard.safety.observations import LeaderSeen
 
 
 class Leader:
@@ -15,27 +15,22 @@ class Leader:
 
     def __init__(self, fleet: Fleet, name: str, seed: int) -> None:
         self._name = name
-        self._fleet = fleet
         self._robot = fleet.robots[name]
-        landmarks = {mark.id: (mark.x_m, mark.y_m) for mark in fleet.landmarks}
-        self._landmarks = landmarks
-        self._localiser = ParticleLocaliser(
-            self._robot.localiser,
-            wheelbase_m=self._robot.vehicle.wheelbase_m,
-            mounting=self._robot.bearing_sensor.mounting,
-            landmarks=landmarks,
-            start=self._robot.start,
-            seed=seed,
-        )
+        self._landmarks = {mark.id: (mark.x_m, mark.y_m) for mark in fleet.landmarks}
+        self._seed = seed
+        self._plan = VelocityPlan(fleet.mission)
+        self._localiser: ParticleLocaliser | None = None
         self._reference: LeaderReference | None = None
 
-    def hear(self, motion: Motion, at: Stamp) -> None:
+    def hear(self, motion: Motion) -> None:
         """A leader needs nothing from its followers."""
 
     def estimate(
         self, at: Stamp, dt_s: float, odometry: Odometry, observations: list[Observation]
     ) -> None:
         """Particle filter (6)-(9) on the bearings to known landmarks."""
+        if self._localiser is None:
+            self._localiser = self._new_localiser(odometry.steering_rad)
         self._localiser.predict(dt_s, odometry.speed_mps, odometry.steering_rate_radps)
         self._localiser.update(
             [
@@ -45,17 +40,27 @@ class Leader:
             ]
         )
 
-    def start(self) -> None:
-        """Begin the schedule at its first segment."""
-        self._reference = LeaderReference(
-            self._fleet.mission, self._robot.limits, self._robot.vehicle.wheelbase_m
+    def _new_localiser(self, steering_rad: float) -> ParticleLocaliser:
+        return ParticleLocaliser(
+            self._robot.localiser,
+            self._robot.vehicle.wheelbase_m,
+            self._robot.bearing_sensor.mounting,
+            self._landmarks,
+            self._robot.start,
+            self._seed,
+            steering_rad,
         )
 
-    def drive(self, dt_s: float, odometry: Odometry) -> Velocity:
-        """Follow the schedule: speed and reference steering angle, open loop."""
+    def start(self, steering_rad: float) -> None:
+        """Begin the schedule at its first segment."""
+        self._reference = LeaderReference(
+            self._plan, self._robot.limits, self._robot.vehicle.wheelbase_m, steering_rad
+        )
+
+    def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
+        """Follow the schedule, open loop."""
         assert self._reference is not None, "start() comes before drive()"
-        speed_mps, steering_rad = self._reference.step(dt_s)
-        return Velocity(speed_mps * math.cos(steering_rad), speed_mps * math.sin(steering_rad))
+        return wheels.drive(dt_s, *self._reference.step(dt_s))
 
     def ended(self) -> str | None:
         """The schedule's end."""
@@ -64,17 +69,25 @@ class Leader:
         return None
 
     def mission_time_s(self) -> float | None:
-        """Time on the schedule."""
-        if self._reference is None or self._reference.ended:
-            return None
-        return self._reference.time_s
+        """Time on the schedule, the ramp down after its end included."""
+        return None if self._reference is None else self._reference.time_s
+
+    def watches(self, marker: int) -> bool:
+        """A leader lives on its landmarks; without any on the map, a look is all there is."""
+        return marker in self._landmarks
+
+    def leader_seen(self, at: Stamp) -> LeaderSeen | None:
+        """A leader has no leader."""
+        return None
 
     def not_ready(self) -> list[str]:
-        """The known start makes the pose usable at once."""
-        return []
+        """The known start makes the pose usable from the first encoder reading on."""
+        return [] if self._localiser is not None else ["no pose before the first encoder reading"]
 
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
         """The pose with its covariance."""
+        if self._localiser is None:
+            return None
         belief = self._localiser.estimate()
         return POSE, PoseEstimate(
             seq=seq,
@@ -85,6 +98,6 @@ class Leader:
             y_m=belief.y_m,
             fork_rad=belief.fork_rad,
             heading_rad=belief.heading_rad,
-            covariance=[float(value) for value in belief.covariance.flat],
+            covariance=list(belief.covariance),
             effective_particles=belief.effective_particles,
         )

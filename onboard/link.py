@@ -41,9 +41,7 @@ class Link:
             if leader is not None
             else None
         )
-        self._estop = self._session.declare_subscriber(
-            topics.ESTOP.key(fleet.name), RingChannel(1)
-        )
+        self._estop = self._session.declare_subscriber(topics.ESTOP.key(fleet.name), RingChannel(1))
         self._commands = self._session.declare_queryable(
             topics.COMMAND.key(fleet.name, name), FifoChannel(COMMAND_BACKLOG)
         )

@@ -32,7 +32,7 @@ def run(
     gc.collect()
     gc.freeze()
     schedule = Schedule(time.monotonic() + period_s, period_s)
-    while not (robot.shut_down and robot.at_rest):
+    while not robot.finished:
         time.sleep(max(0.0, schedule.next_s - time.monotonic()))
         started_s, wall_s = time.monotonic(), time.time()
         late_s = started_s - schedule.next_s

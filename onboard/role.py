@@ -4,6 +4,8 @@ from typing import NamedTuple, Protocol
 
 from config.messages import Message, Motion
 from config.topics import Topic
+from onboard.control.steering import WheelController, WheelSetpoint
+from onboard.safety.observations import LeaderSeen
 
 
 class Odometry(NamedTuple):
@@ -27,13 +29,6 @@ class Observation(NamedTuple):
     age_s: float
 
 
-class Velocity(NamedTuple):
-    """Wanted velocity of the front-wheel midpoint [m/s] in the body's axes: forward, left."""
-
-    forward_mps: float
-    left_mps: float
-
-
 class Stamp(NamedTuple):
     """The instant that a message speaks of, on both clocks [s]."""
 
@@ -44,7 +39,7 @@ class Stamp(NamedTuple):
 class Role(Protocol):
     """Estimation and control of a leader or a follower."""
 
-    def hear(self, motion: Motion, at: Stamp) -> None:
+    def hear(self, motion: Motion) -> None:
         """Take in a message from another robot."""
 
     def estimate(
@@ -52,17 +47,23 @@ class Role(Protocol):
     ) -> None:
         """Carry the estimate on by `dt_s` to `at` and use the observations."""
 
-    def start(self) -> None:
-        """Begin the mission."""
+    def start(self, steering_rad: float) -> None:
+        """Begin the mission with the fork at this angle."""
 
-    def drive(self, dt_s: float, odometry: Odometry) -> Velocity:
-        """Velocity wanted for the next `dt_s`; called only while the robot runs."""
+    def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
+        """Setpoints for the next `dt_s`; called only while the robot runs."""
 
     def ended(self) -> str | None:
         """Why the mission is over, or None while it is not."""
 
     def mission_time_s(self) -> float | None:
         """Time on the mission's schedule, or None while it does not run."""
+
+    def watches(self, marker: int) -> bool:
+        """Whether bearings to this marker are what the robot cannot do without."""
+
+    def leader_seen(self, at: Stamp) -> LeaderSeen | None:
+        """Age and state of the leader's last message; None for a robot without a leader."""
 
     def not_ready(self) -> list[str]:
         """What the estimate still lacks before the robot may be armed."""

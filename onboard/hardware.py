@@ -1,0 +1,156 @@
+"""The devices on one robot's bus behind one face: frames in, measurements and frames out."""
+
+from config.can.database import CanDatabase
+from config.can.frame import Frame
+from config.can.odrive import ControlMode
+from config.can.vehicle import EstopSource, HostState
+from config.fleet import Robot
+from config.messages import DriveHealth
+from onboard.canbus.bearing_sensor import Bearing, BearingSensor, BearingSet
+from onboard.canbus.drive.driver import MotorDriver, MotorFeedback, MotorState
+from onboard.canbus.drive.odrive import OdriveAxis
+from onboard.canbus.host import BearingOrders, HostFrames
+from onboard.canbus.steering_encoder import SteeringEncoder
+from onboard.control.steering import WheelSetpoint
+from onboard.role import Observation, Odometry
+from onboard.safety.observations import DriveSeen
+
+
+class Hardware:
+    """Two drives, the steering encoder and the bearing sensor of one robot."""
+
+    def __init__(self, robot: Robot, database: CanDatabase) -> None:
+        vehicle, timeouts, aux = robot.vehicle, robot.failsafe, database.vehicle_aux()
+        self.steering = OdriveAxis(
+            database.axis(vehicle.steering.node),
+            ControlMode.POSITION_CONTROL,
+            vehicle.steering.revolutions_per_unit,
+            timeouts,
+        )
+        self.drive = OdriveAxis(
+            database.axis(vehicle.drive.node),
+            ControlMode.VELOCITY_CONTROL,
+            vehicle.drive.revolutions_per_unit,
+            timeouts,
+        )
+        sensor_codecs = database.bearing_sensor(robot.bearing_sensor.unit)
+        self.sensor = BearingSensor(sensor_codecs, robot.bearing_sensor)
+        self.encoder = SteeringEncoder(aux, timeouts.encoder_timeout_s)
+        self._orders = BearingOrders(sensor_codecs, robot.bearing_sensor.rate_hz)
+        self._host = HostFrames(aux)
+        self._assumed_std_rad = robot.bearing_sensor.std_rad
+        self._steering_rad: float | None = None
+        self._rate_radps = 0.0
+
+    @property
+    def axes(self) -> tuple[MotorDriver, MotorDriver]:
+        """Steering and drive."""
+        return self.steering, self.drive
+
+    def take(self, frames: list[Frame], dt_s: float) -> None:
+        """Hand the frames of the last `dt_s` to the devices; each picks its own."""
+        for frame in frames:
+            self.steering.on_frame(frame)
+            self.drive.on_frame(frame)
+            self.encoder.on_frame(frame)
+            self.sensor.on_frame(frame)
+        angle_rad = self.encoder.angle_rad
+        if angle_rad is not None and self._steering_rad is not None and dt_s > 0:
+            self._rate_radps = (angle_rad - self._steering_rad) / dt_s
+        self._steering_rad = angle_rad
+
+    def odometry(self) -> Odometry | None:
+        """Own motion; None until both the drive and the steering encoder have spoken.
+
+        The steering rate is the difference of the last two angles over the time between the
+        steps, so that its integral is the angle itself.
+        """
+        speed_mps = self.drive.feedback.velocity
+        if speed_mps is None or self._steering_rad is None:
+            return None
+        return Odometry(speed_mps, self._steering_rad, self._rate_radps)
+
+    def observations(self, now_s: float) -> list[Observation]:
+        """Identified bearings that have come in since the last call."""
+        return [
+            self._observation(seen, look, now_s)
+            for look in self.sensor.take(now_s)
+            for seen in look.targets
+            if seen.target is not None
+        ]
+
+    def arm(self) -> str | None:
+        """Align the steering and arm both drives; returns why not, or None where it begins."""
+        if self._steering_rad is None:
+            return "steering encoder gives no angle"
+        return self.steering.align(self._steering_rad) or self.steering.arm() or self.drive.arm()
+
+    def command(self, setpoint: WheelSetpoint) -> None:
+        """Setpoints of this cycle."""
+        self.steering.command(setpoint.steering_rad)
+        self.drive.command(setpoint.speed_mps)
+
+    def disarm(self) -> None:
+        """Let go of both motors."""
+        for axis in self.axes:
+            axis.disarm()
+
+    def estop(self) -> None:
+        """Emergency stop of both drives."""
+        for axis in self.axes:
+            axis.estop()
+
+    def clear_faults(self) -> None:
+        """An operator's reset of both drives."""
+        for axis in self.axes:
+            axis.clear_faults()
+
+    @property
+    def active(self) -> bool:
+        """Both drives in closed-loop control."""
+        return all(axis.feedback.state is MotorState.ACTIVE for axis in self.axes)
+
+    @property
+    def powered(self) -> bool:
+        """Any drive armed, or on its way in or out."""
+        powered = (MotorState.ARMING, MotorState.ACTIVE, MotorState.STOPPING)
+        return any(axis.feedback.state in powered for axis in self.axes)
+
+    def frames(self, now_s: float, state: HostState, estop: EstopSource) -> list[Frame]:
+        """Everything to send in this cycle, most urgent first."""
+        return [
+            *self._host.tick(now_s, state, estop),
+            *self.steering.tick(now_s),
+            *self.drive.tick(now_s),
+            *self._orders.tick(now_s),
+        ]
+
+    def _observation(self, seen: Bearing, look: BearingSet, now_s: float) -> Observation:
+        assert seen.target is not None, "unidentified targets are left out"
+        age_s = max(0.0, now_s - look.t_capture_s)
+        body_rad = seen.bearing_rad
+        if look.frame == "fork":
+            body_rad += (self._steering_rad or 0.0) - age_s * self._rate_radps
+        return Observation(
+            seen.target, seen.bearing_rad, body_rad, seen.std_rad or self._assumed_std_rad, age_s
+        )
+
+
+def drive_seen(feedback: MotorFeedback, now_s: float) -> DriveSeen:
+    """A drive as the safety checks see it."""
+    return DriveSeen(
+        feedback.state,
+        feedback.reason,
+        None if feedback.t_heartbeat_s is None else now_s - feedback.t_heartbeat_s,
+        None if feedback.t_estimate_s is None else now_s - feedback.t_estimate_s,
+    )
+
+
+def drive_health(feedback: MotorFeedback) -> DriveHealth:
+    """A drive as the operator sees it."""
+    return DriveHealth(
+        feedback.state.name,
+        [*feedback.faults] or ([feedback.reason] if feedback.state is MotorState.FAULT else []),
+        feedback.position or 0.0,
+        feedback.velocity or 0.0,
+    )

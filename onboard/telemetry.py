@@ -1,0 +1,129 @@
+"""A robot's messages: sequence numbers, rates and the stamps of both clocks."""
+
+from config import topics
+from config.messages import (
+    BusHealth,
+    DriveHealth,
+    Event,
+    LoopHealth,
+    Message,
+    Motion,
+    Sighting,
+    Status,
+)
+from config.topics import Topic
+from onboard.role import Odometry, Role, Stamp
+
+# A tick may come a little early; half a period of the fastest topic is slack enough.
+RATE_SLACK_S = 0.002
+
+
+class Telemetry:
+    """Collects one step's messages; `take` hands them over."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._seq: dict[str, int] = {}
+        self._next_s: dict[str, float] = {}
+        self._out: list[tuple[Topic, Message]] = []
+        self._at = Stamp(0.0, 0.0)
+
+    def begin(self, at: Stamp) -> None:
+        """Messages made from now on are stamped with this instant."""
+        self._at = at
+
+    def take(self) -> list[tuple[Topic, Message]]:
+        """The messages made since the last call."""
+        out, self._out = self._out, []
+        return out
+
+    def event(self, severity: str, text: str) -> None:
+        """Something that happened once; severity is "info", "warning" or "error"."""
+        seq, t_ns, wall_ns = self._head(topics.EVENT)
+        event = Event(
+            seq=seq, t_ns=t_ns, wall_ns=wall_ns, source=self._name, severity=severity, text=text
+        )
+        self._out.append((topics.EVENT, event))
+
+    def motion(
+        self,
+        state: str,
+        reason: str,
+        mission_time_s: float | None,
+        odometry: Odometry | None,
+        sightings: list[Sighting],
+    ) -> None:
+        """What followers need, every step. Not valid while the odometry is missing."""
+        seq, t_ns, wall_ns = self._head(topics.MOTION)
+        moving = odometry or Odometry(0.0, 0.0, 0.0)
+        message = Motion(
+            seq=seq,
+            t_ns=t_ns,
+            wall_ns=wall_ns,
+            valid=odometry is not None,
+            robot=self._name,
+            state=state,
+            reason=reason,
+            mission_time_s=mission_time_s,
+            speed_mps=moving.speed_mps,
+            steering_rad=moving.steering_rad,
+            sightings=sightings,
+        )
+        self._out.append((topics.MOTION, message))
+
+    def estimate(self, role: Role) -> None:
+        """The role's estimate at its topic's rate."""
+        if not self._due(topics.POSE):
+            return
+        report = role.report(self._seq.get("estimate", 0), self._at)
+        if report is not None:
+            self._seq["estimate"] = self._seq.get("estimate", 0) + 1
+            self._out.append(report)
+
+    def status(
+        self,
+        *,
+        state: str,
+        reason: str,
+        not_ready: list[str],
+        mission_time_s: float | None,
+        loop: LoopHealth,
+        bus: BusHealth,
+        blocked_frames: int,
+        steering: DriveHealth,
+        drive: DriveHealth,
+        changed: bool,
+    ) -> None:
+        """State and health at the topic's rate, and at once when the state has changed."""
+        if not self._due(topics.STATUS) and not changed:
+            return
+        seq, t_ns, wall_ns = self._head(topics.STATUS)
+        message = Status(
+            seq=seq,
+            t_ns=t_ns,
+            wall_ns=wall_ns,
+            robot=self._name,
+            state=state,
+            reason=reason,
+            ready=not not_ready,
+            not_ready=not_ready,
+            mission_time_s=mission_time_s,
+            loop=loop,
+            bus=bus,
+            blocked_frames=blocked_frames,
+            steering=steering,
+            drive=drive,
+        )
+        self._out.append((topics.STATUS, message))
+
+    def _head(self, topic: Topic) -> tuple[int, int, int]:
+        seq = self._seq.get(topic.name, 0)
+        self._seq[topic.name] = seq + 1
+        return seq, round(self._at.now_s * 1e9), round(self._at.wall_s * 1e9)
+
+    def _due(self, topic: Topic) -> bool:
+        due_s = self._next_s.get(topic.name, self._at.now_s)
+        if self._at.now_s < due_s - RATE_SLACK_S:
+            return False
+        self._next_s[topic.name] = max(due_s, self._at.now_s - 1.0) + 1.0 / topic.rate_hz
+        return True
