@@ -13,9 +13,11 @@ from groundstation.evaluate import formation_errors, origin_ns
 from groundstation.mission_log import Window, judged_window, mission_window
 from groundstation.series import Floats, Run, Times, Track
 
+ESTIMATE = "#6ec1e4"
 COLOURS = ("#1b3a57", "#d1495b", "#2a9d8f", "#e9a23b", "#7b5ea7", "#5c7f2e", "#b0578d", "#4a90c2")
 INK, FAINT, SHADE = "#333333", "#9a9a9a", "#eef3f7"
 LINK_PERIOD_S = 5.0
+MARGIN_S = 1.0
 DPI = 150
 
 
@@ -54,6 +56,8 @@ def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
             ls="none",
             label="landmark",
         )
+    axes.plot([], [], "o", ms=8, mfc="white", mec=INK, mew=2, label="start")
+    axes.plot([], [], ">", ms=9, color=INK, ls="none", label="end")
     _save_with_legend(figure, axes, path)
 
 
@@ -85,6 +89,9 @@ def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
     _limit(panels[2], bars.position_rms_m, both_sides=False)
     panels[2].set_ylim(bottom=0)
     panels[2].set_xlabel("mission time [s]")
+    if mission is not None:
+        panels[2].set_xlim(-MARGIN_S, mission.seconds + MARGIN_S)
+    figure.align_ylabels(panels)
     panels[0].set_title(f"Fleet {fleet.name}: formation error against truth", loc="left", color=INK)
     _save_with_legend(figure, panels[0], path)
 

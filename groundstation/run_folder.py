@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import yaml
-
 from config.fleet import Fleet
+from config.loader import dump_effective
 from groundstation import summary
 from groundstation.errors import GroundError
 from groundstation.summary import Summary
@@ -50,10 +49,7 @@ class RunFolder:
 
     def write_fleet(self, fleet: Fleet) -> None:
         """Write the effective fleet, every robot complete."""
-        text = yaml.safe_dump(
-            fleet.model_dump(mode="json", exclude_none=True), sort_keys=False, allow_unicode=True
-        )
-        self.fleet.write_text(text, encoding="utf-8")
+        self.fleet.write_text(dump_effective(fleet), encoding="utf-8")
 
     def write_summary(self, judged: Summary) -> None:
         """Write the summary."""

@@ -209,7 +209,8 @@ def status(robot: str, state: str, reason: str, step: int, story: Story | None =
         not_ready=[],
         mission_time_s=None,
         loop=LoopHealth(1000, story.overruns if story else 0, 1.0, 2.0, 3.0, 0.5, realtime=False),
-        bus=BusHealth("active", 0, 0, 0, 0, 0),
+        bus=BusHealth("active", "", 0, 0, 0, 0),
+        blocked_frames=0,
         steering=drive,
         drive=drive,
     )

@@ -1,0 +1,160 @@
+"""`echelon`: the operator's command line. Reports go to standard output, the rest to stderr."""
+
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from groundstation.exits import NOT_GOOD, bad_input_told, signals_end_it
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from config.fleet import Fleet
+    from groundstation.fleet_commands import CommandName, CommandReport, StatusReport
+
+app = typer.Typer(
+    help="Formation driving of car-like robots: run, watch and command a fleet.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+FleetName = Annotated[
+    str, typer.Option("--fleet", metavar="FLEET", help="Shipped fleet (demo, paper, ...) or file.")
+]
+Ground = Annotated[
+    str | None,
+    typer.Option(
+        "--ground", metavar="ENDPOINT", help="Instead of the fleet's own, e.g. tcp/127.0.0.1:7448."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on standard output.")]
+
+
+def main() -> None:
+    """Console script."""
+    app()
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if show_version:
+        typer.echo(f"echelon {version('echelon')}")
+        raise typer.Exit
+
+
+@app.command(epilog="Example: echelon demo --fleet paper --seed 3 --out runs/first")
+def demo(
+    fleet: FleetName = "demo",
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="One process, virtual time, reproducible.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of all noise.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; default: one under runs/.")
+    ] = None,
+    ground: Ground = None,
+    json: Json = False,
+) -> None:
+    """Run a whole fleet on simulated hardware, record it and judge it."""
+    with bad_input_told(json), signals_end_it():
+        from groundstation.demo import Options, run_demo
+        from groundstation.summary import to_json
+        from groundstation.summary_table import print_summary
+
+        console = _stderr()
+        loaded = _load(fleet, ground)
+        folder, judged = run_demo(Options(loaded, seed, lockstep, out, console))
+        if json:
+            sys.stdout.write(to_json(judged).decode())
+        else:
+            from rich.console import Console
+
+            print_summary(Console(), judged, loaded.mission.acceptance)
+            typer.echo(f"results: {folder.path}")
+    raise typer.Exit(0 if judged.verdict == "pass" else NOT_GOOD)
+
+
+@app.command(epilog="Example: echelon status --fleet demo --json")
+def status(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Show what every robot of a running fleet says of itself."""
+    with bad_input_told(json):
+        from groundstation import fleet_commands
+
+        report = fleet_commands.status(_load(fleet, ground))
+        _write(report, json)
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
+@app.command(epilog="Example: echelon arm --fleet demo")
+def arm(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Arm every robot of a running fleet."""
+    _command("arm", fleet, ground, json)
+
+
+@app.command(epilog="Example: echelon start --fleet demo")
+def start(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Start the mission: followers first, then the leader."""
+    _command("start", fleet, ground, json)
+
+
+@app.command(epilog="Example: echelon stop --fleet demo")
+def stop(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Bring every robot to a controlled stop."""
+    _command("stop", fleet, ground, json)
+
+
+@app.command(epilog="Example: echelon reset --fleet demo")
+def reset(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Clear the faults and emergency stops of every robot whose cause is gone."""
+    _command("reset", fleet, ground, json)
+
+
+@app.command(epilog="Example: echelon estop --fleet demo")
+def estop(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Emergency stop: repeated until every robot reports it."""
+    with bad_input_told(json):
+        from groundstation import fleet_commands
+
+        report = fleet_commands.estop(_load(fleet, ground))
+        _write(report, json)
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
+def _command(name: "CommandName", fleet: str, ground: str | None, json: bool) -> None:
+    with bad_input_told(json):
+        from groundstation import fleet_commands
+
+        report = fleet_commands.command(_load(fleet, ground), name)
+        _write(report, json)
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
+def _load(name: str, ground: str | None) -> "Fleet":
+    from config.loader import load_fleet, resolve_fleet, warnings
+    from groundstation.endpoints import host_and_port
+
+    fleet = load_fleet(resolve_fleet(name)).fleet
+    for text in warnings(fleet):
+        typer.echo(f"warning: {text}", err=True)
+    if ground is None:
+        return fleet
+    host_and_port(ground)
+    return fleet.model_copy(update={"ground": ground})
+
+
+def _stderr() -> "Console":
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+def _write(report: "CommandReport | StatusReport", json: bool) -> None:
+    from groundstation import fleet_commands
+
+    typer.echo(fleet_commands.to_json(report) if json else fleet_commands.to_text(report))

@@ -1,0 +1,173 @@
+"""Drives one live run: waits for the robots, arms and starts them, watches, brings them to rest."""
+
+import time
+from collections.abc import Callable
+
+from config.fleet import Fleet
+from groundstation.fleet_link import POLL_S, FleetLink
+from groundstation.formation_tree import leader_of, start_order
+from groundstation.mission_log import BAD_STATES
+from groundstation.progress import Display
+from groundstation.recorder import Recorder
+from groundstation.summary import Fault
+from groundstation.supervisor import Supervisor
+
+READY_LIMIT_S = 20.0
+CHANGE_LIMIT_S = 3.0
+OVERTIME_S = 15.0
+REST_LIMIT_S = 5.0
+FLUSH_PERIOD_S = 0.5
+AT_REST = frozenset({"STANDBY", *BAD_STATES})
+
+
+class _Aborted(Exception):
+    """The run cannot go on. `incidents` are what the robots' own messages do not tell."""
+
+    def __init__(self, incidents: list[Fault]) -> None:
+        super().__init__("; ".join(f"{each.robot}: {each.reason}" for each in incidents))
+        self.incidents = incidents
+
+
+class Conductor:
+    """One run from processes that come up to robots that stand still; records all the while."""
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        link: FleetLink,
+        recorder: Recorder,
+        supervisor: Supervisor,
+        display: Display,
+    ) -> None:
+        self._fleet = fleet
+        self._link = link
+        self._recorder = recorder
+        self._supervisor = supervisor
+        self._display = display
+        self._phase = "starting"
+        self._started_s = time.monotonic()
+        self._flush_s = 0.0
+
+    def drive(self) -> list[Fault]:
+        """The whole mission. Returns what went wrong outside the robots' own messages."""
+        incidents: list[Fault] = []
+        try:
+            self._await_ready()
+            self._order("arm", "ARMED")
+            self._order("start", "RUNNING")
+            self._await_end()
+        except _Aborted as aborted:
+            incidents = aborted.incidents
+        self.bring_to_rest()
+        return incidents
+
+    def bring_to_rest(self) -> None:
+        """Command every moving robot that still lives to stop, and wait a while until it stands."""
+        self._phase = "stopping"
+        moving = [name for name in self._alive() if self._state(name) not in AT_REST]
+        if moving:
+            self._link.command("stop", moving)
+        deadline = time.monotonic() + REST_LIMIT_S
+        while time.monotonic() < deadline:
+            self._pump()
+            if all(self._state(name) in {"", *AT_REST} for name in self._alive()):
+                return
+            time.sleep(POLL_S)
+
+    def _await_ready(self) -> None:
+        self._phase = "waiting until ready"
+        if not self._wait(lambda: not self._unready(), READY_LIMIT_S):
+            raise self._abort(
+                {
+                    name: f"not ready within {READY_LIMIT_S:g} s: {text}"
+                    for name, text in self._unready().items()
+                }
+            )
+
+    def _unready(self) -> dict[str, str]:
+        """Robots that are not ready, and what they lack."""
+        lacking: dict[str, str] = {}
+        for name in self._fleet.robots:
+            status = self._link.view.status(name)
+            if status is None:
+                lacking[name] = "nothing heard from it"
+            elif not status.ready:
+                lacking[name] = ", ".join(status.not_ready) or "it gives no reason"
+        return lacking
+
+    def _order(self, command: str, state: str) -> None:
+        """Give all robots a command, the leader last, and wait until all are in the state."""
+        self._phase = f"{command}ing"
+        for name in start_order(self._fleet):
+            reply = self._link.command(command, [name])[name]
+            self._check()
+            if not reply.accepted:
+                raise self._abort({name: f"refuses to {command}: {reply.reason}"})
+        self._wait_for_states(frozenset({state}), CHANGE_LIMIT_S)
+
+    def _await_end(self) -> None:
+        self._phase = "driving"
+        self._wait_for_states(frozenset({"STANDBY"}), self._fleet.mission.duration_s + OVERTIME_S)
+
+    def _wait_for_states(self, wanted: frozenset[str], limit_s: float) -> None:
+        def others() -> dict[str, str]:
+            states = {name: self._state(name) for name in self._fleet.robots}
+            return {name: state for name, state in states.items() if state not in wanted}
+
+        if not self._wait(lambda: not others(), limit_s):
+            raise self._abort(
+                {
+                    name: f"still {state or 'silent'} after {limit_s:g} s, not {', '.join(wanted)}"
+                    for name, state in others().items()
+                }
+            )
+
+    def _wait(self, reached: Callable[[], bool], limit_s: float) -> bool:
+        deadline = time.monotonic() + limit_s
+        while True:
+            self._pump()
+            if reached():
+                return True
+            self._check()
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(POLL_S)
+
+    def _pump(self) -> None:
+        """Take in and record what arrived, and show it."""
+        for key, payload, message in self._link.poll():
+            self._recorder.write(key, payload, message.wall_ns)
+        for text in self._link.unreadable:
+            self._display.note(text)
+        self._link.unreadable.clear()
+        now_s = time.monotonic()
+        if now_s >= self._flush_s:
+            self._flush_s = now_s + FLUSH_PERIOD_S
+            self._recorder.flush()
+        self._display.update(self._phase, self._fleet, self._link.view)
+
+    def _check(self) -> None:
+        """Abort when a process died or a robot is in a bad state (it says why by itself)."""
+        ended = self._supervisor.ended()
+        if ended:
+            raise self._abort({each.name: str(each) for each in ended})
+        if any(self._state(name) in BAD_STATES for name in self._fleet.robots):
+            raise self._abort({})
+
+    def _abort(self, reasons: dict[str, str]) -> _Aborted:
+        t_s = round(self._time_s(), 3)
+        return _Aborted([Fault(name, t_s, reason) for name, reason in reasons.items()])
+
+    def _time_s(self) -> float:
+        """Mission time, or time since the start where there is none."""
+        leader = self._link.view.motion(leader_of(self._fleet))
+        if leader is not None and leader.mission_time_s is not None:
+            return leader.mission_time_s
+        return time.monotonic() - self._started_s
+
+    def _alive(self) -> list[str]:
+        dead = {each.name for each in self._supervisor.ended()}
+        return [name for name in self._fleet.robots if name not in dead]
+
+    def _state(self, name: str) -> str:
+        return self._link.view.state(name)

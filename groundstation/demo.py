@@ -1,0 +1,110 @@
+"""A whole run on one machine: simulated hardware, the robots' own program, record, judgement."""
+
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+
+from config.fleet import Fleet
+from groundstation import run_folder
+from groundstation.conductor import Conductor
+from groundstation.evaluate import evaluate
+from groundstation.figures import draw_formation, draw_trajectories
+from groundstation.fleet_link import FleetLink
+from groundstation.progress import display
+from groundstation.recorder import Recorder
+from groundstation.rehearsal import rehearsal
+from groundstation.run_folder import RunFolder
+from groundstation.series import read_run
+from groundstation.summary import Fault, Mode, Summary
+from groundstation.supervisor import Supervisor
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to run a demo. `console` is where progress is told."""
+
+    fleet: Fleet
+    seed: int
+    lockstep: bool
+    out: Path | None
+    console: Console
+
+
+def run_demo(options: Options) -> tuple[RunFolder, Summary]:
+    """Run, record, judge and draw one mission.
+
+    Raises GroundError when the run cannot be set up. On KeyboardInterrupt the robots are stopped,
+    the processes ended and the recording closed before it goes on.
+    """
+    folder = run_folder.create(options.fleet.name, options.lockstep, options.out)
+    options.console.print(f"run folder: {folder.path}", highlight=False, markup=False)
+    incidents = _lockstep(options, folder) if options.lockstep else _live(options, folder)
+    mode: Mode = "lockstep" if options.lockstep else "processes"
+    run = read_run(folder.recording)
+    judged = evaluate(
+        options.fleet,
+        run,
+        mode=mode,
+        seed=options.seed,
+        recording=str(folder.recording),
+        incidents=incidents,
+    )
+    folder.write_summary(judged)
+    draw_trajectories(options.fleet, run, folder.trajectories)
+    draw_formation(options.fleet, run, folder.formation)
+    return folder, judged
+
+
+def _live(options: Options, folder: RunFolder) -> list[Fault]:
+    with tempfile.TemporaryDirectory(prefix="echelon-") as runtime:
+        fleet, notes = rehearsal(options.fleet, Path(runtime))
+        for note in notes:
+            options.console.print(note, highlight=False, markup=False)
+        folder.write_fleet(fleet)
+        with (
+            FleetLink.as_ground_station(fleet) as link,
+            Recorder(folder.recording) as recorder,
+            Supervisor(folder.logs) as supervisor,
+            display(options.console) as shown,
+        ):
+            conductor = Conductor(fleet, link, recorder, supervisor, shown)
+            try:
+                _start_processes(supervisor, fleet, folder, options.seed)
+                return conductor.drive()
+            except KeyboardInterrupt:
+                conductor.bring_to_rest()
+                raise
+
+
+def _start_processes(supervisor: Supervisor, fleet: Fleet, folder: RunFolder, seed: int) -> None:
+    common = ["--fleet", str(folder.fleet), "--seed", str(seed)]
+    supervisor.start("sim", [sys.executable, "-m", "sim_hw", *common])
+    for name in fleet.robots:
+        supervisor.start(name, [sys.executable, "-m", "onboard", *common, "--robot", name])
+
+
+def _lockstep(options: Options, folder: RunFolder) -> list[Fault]:
+    from groundstation.lockstep import LockstepFailed, run_lockstep
+
+    fleet = options.fleet
+    folder.write_fleet(fleet)
+    quiet = not options.console.is_terminal
+    with (
+        Recorder(folder.recording) as recorder,
+        Progress(console=options.console, disable=quiet, transient=True) as progress,
+    ):
+        task = progress.add_task("lockstep", total=fleet.mission.duration_s)
+        try:
+            run_lockstep(
+                fleet,
+                options.seed,
+                recorder.write,
+                lambda mission_s: progress.update(task, completed=mission_s),
+            )
+        except LockstepFailed as failure:
+            return [Fault("fleet", 0.0, str(failure))]
+    return []
