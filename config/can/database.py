@@ -5,7 +5,6 @@ from importlib import resources
 from typing import Self
 
 from cantools.database.can import Database
-from cantools.database.errors import Error as CantoolsError
 
 from config.can.group import DatabaseMismatch, GroupT, build_group
 from config.can.odrive import AxisCodecs
@@ -67,6 +66,6 @@ def _compile(group: type[GroupT], text: str, dbc: str) -> GroupT:
     database = Database(strict=True)
     try:
         database.add_dbc_string(text)
-    except (CantoolsError, ValueError) as error:
-        raise DatabaseMismatch(f"{dbc}: {error}") from error
+    except Exception as error:  # cantools lets its parser's and its own look-up errors through
+        raise DatabaseMismatch(f"{dbc}: cannot be read: {error!r}") from error
     return build_group(group, database, dbc)
