@@ -162,8 +162,8 @@ def _without(data: Plain, errors: list[ErrorDetails]) -> Plain:
 
 
 def _may_be_in_unknown_type(error: ErrorDetails, doubtful: frozenset[str]) -> bool:
-    path = error["loc"]
-    return error["type"] == "missing" and path[0] == "robots" and path[1] in doubtful
+    robot = error["loc"][1:2] if error["loc"][0] == "robots" else ()
+    return error["type"] == "missing" and robot != () and robot[0] in doubtful
 
 
 def _type_problems(entry: Entry) -> list[Problem]:

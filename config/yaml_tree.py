@@ -18,7 +18,11 @@ _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _REAL = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"([-+]?)\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-_MAX_VALUES = 100_000
+_SCALAR_TAGS = frozenset(
+    f"tag:yaml.org,2002:{kind}"
+    for kind in ("null", "bool", "int", "float", "str", "timestamp", "merge", "value")
+)
+_MAX_VALUES = 20_000
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -152,7 +156,7 @@ class _Reader:
                 self.read(child, _place(child.start_mark), (*path, index))
                 for index, child in enumerate(node.value)
             ]
-        if not node.tag.startswith("tag:yaml.org,2002:"):
+        if node.tag not in _SCALAR_TAGS:
             self._refuse(place, path, f"tag {node.tag} has no meaning here: leave it out")
         quoted = isinstance(node, yaml.ScalarNode) and node.style is not None
         return node.value if quoted else _plain_scalar(node.value)
