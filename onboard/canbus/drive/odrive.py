@@ -53,7 +53,7 @@ class OdriveAxis:
         self._revolutions_per_unit = revolutions_per_unit
         self._zero_rev = None if self._is_position else 0.0
         self._state = MotorState.OFFLINE
-        self._reason = "ODrive: no heartbeat yet"
+        self._reason = "no heartbeat yet"
         self._fault_bits = 0
         self._requests: list[Content] = []
         self._t_request_s = -math.inf

@@ -5,7 +5,7 @@ import math
 from config.can.frame import Frame
 from config.can.odrive import AxisCodecs, GetEncoderEstimates, Heartbeat
 from config.fleet import Failsafe
-from onboard.canbus.silence import silence
+from onboard.canbus.silence import overdue
 
 _LENGTH = 8
 """All messages that are read have 8 bytes; a shorter frame counts as none."""
@@ -43,7 +43,7 @@ class OdriveInputs:
     def heartbeat_problem(self, now_s: float) -> str | None:
         """Reason where the heartbeat is silent, else None."""
         age_s = now_s - self.t_heartbeat_s if self.heartbeat else None
-        return silence("ODrive", "heartbeat", age_s, self._timeouts.drive_heartbeat_timeout_s)
+        return overdue("heartbeat", age_s, self._timeouts.drive_heartbeat_timeout_s)
 
     def estimate_problem(self, now_s: float) -> str | None:
         """Reason where the encoder estimates are silent or not finite, else None."""
@@ -51,4 +51,4 @@ class OdriveInputs:
             position, velocity = self.estimates
             return f"encoder estimate not finite: {position} rev, {velocity} rev/s"
         age_s = now_s - self.t_estimate_s if self.estimates else None
-        return silence("ODrive", "encoder estimate", age_s, self._timeouts.encoder_timeout_s)
+        return overdue("encoder estimate", age_s, self._timeouts.encoder_timeout_s)

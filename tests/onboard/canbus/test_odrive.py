@@ -100,7 +100,7 @@ def floats(data: bytes) -> tuple[float, ...]:
 def test_it_is_a_motor_driver(drive: Bench) -> None:
     driver: MotorDriver = drive.axis
     assert driver.feedback.state is MotorState.OFFLINE
-    assert driver.feedback.reason == "ODrive: no heartbeat yet"
+    assert driver.feedback.reason == "no heartbeat yet"
 
 
 def test_a_heard_and_idle_drive_is_idle_and_nothing_is_sent(drive: Bench) -> None:
@@ -339,7 +339,7 @@ def test_truncated_remote_and_foreign_frames_do_not_count(drive: Bench) -> None:
     ):
         drive.axis.on_frame(frame)
     drive.cycle()
-    assert drive.reason == "ODrive: no heartbeat yet"
+    assert drive.reason == "no heartbeat yet"
 
 
 def test_steering_must_be_aligned_before_it_arms(steering: Bench) -> None:
