@@ -23,7 +23,7 @@ def session_config(listen: str, connect: list[str]) -> str:
             "listen": {"endpoints": [listen]},
             "connect": {
                 "endpoints": connect,
-                "timeout_ms": 0,
+                "timeout_ms": -1,
                 "exit_on_failure": False,
                 "retry": {
                     "period_init_ms": RETRY_FIRST_MS,
