@@ -126,10 +126,11 @@ class ParticleLocaliser:
         if not known:
             return UpdateResult(UpdateOutcome.NO_BEARINGS, unknown, self._effective())
         residuals = self._residuals(known)
-        stds = np.array([b.std_rad for b in known])
-        log_likelihood = (-0.5 / (stds * stds)) @ np.square(residuals)
-        best = int(np.argmax(log_likelihood))
-        if not np.any(np.abs(residuals[:, best]) <= DIVERGED_SIGMA * stds):
+        precisions = np.array([-0.5 / (b.std_rad * b.std_rad) for b in known])
+        log_likelihood = precisions @ np.square(residuals)
+        nearest = residuals[:, np.argmax(log_likelihood)].tolist()
+        limits = [DIVERGED_SIGMA * b.std_rad for b in known]
+        if not any(abs(r) <= limit for r, limit in zip(nearest, limits, strict=True)):
             return UpdateResult(UpdateOutcome.DIVERGED, unknown, self._effective())
         self._log_weights += log_likelihood
         self._normalise()
