@@ -279,6 +279,14 @@ def test_a_reset_alone_never_arms(active: Bench) -> None:
     assert all(cycle.get(SET_STATE, b"\x01")[0] == 1 for cycle in sent)
 
 
+def test_a_reset_sends_nothing_to_a_silent_drive(active: Bench) -> None:
+    active.drive.heartbeat = None
+    active.until(MotorState.FAULT, 0.5)
+    active.axis.clear_faults()
+    assert not any(active.run(0.3))
+    assert active.state is MotorState.OFFLINE
+
+
 def test_a_drive_found_active_is_a_fault_and_is_told_to_let_go(drive: Bench) -> None:
     drive.drive.heartbeat = ACTIVE_HEARTBEAT
     sent = drive.cycle()

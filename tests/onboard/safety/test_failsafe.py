@@ -213,3 +213,8 @@ def test_all_reasons_are_given_at_once() -> None:
         leader=LeaderSeen("r1", None, None),
     )
     assert len(not_ready(seen, LIMITS)) == len(CHECKS)
+
+
+def test_of_equally_severe_ones_the_first_check_speaks() -> None:
+    seen = replace(GOOD, drive=TRIPPED, steering=replace(TRIPPED, reason="second"))
+    assert evaluate(seen, LIMITS).reason == "drive: errors WATCHDOG_TIMER_EXPIRED"
