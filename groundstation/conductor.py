@@ -1,7 +1,8 @@
 """Drives one live run: waits for the robots, arms and starts them, watches, brings them to rest."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from config.fleet import Fleet
 from groundstation.fleet_link import POLL_S, FleetLink
@@ -12,10 +13,13 @@ from groundstation.recorder import Recorder
 from groundstation.summary import Fault
 from groundstation.supervisor import Supervisor
 
+SIMULATOR = "sim"
+UP_LIMIT_S = 10.0
 READY_LIMIT_S = 20.0
 CHANGE_LIMIT_S = 3.0
 OVERTIME_S = 15.0
 REST_LIMIT_S = 5.0
+SILENCE_LIMIT_S = 2.0
 FLUSH_PERIOD_S = 0.5
 AT_REST = frozenset({"STANDBY", *BAD_STATES})
 
@@ -28,18 +32,27 @@ class _Aborted(Exception):
         self.incidents = incidents
 
 
+class Commands(NamedTuple):
+    """Command lines of the processes of a run: the simulated hardware, and one per robot."""
+
+    simulator: Sequence[str]
+    robots: Mapping[str, Sequence[str]]
+
+
 class Conductor:
     """One run from processes that come up to robots that stand still; records all the while."""
 
     def __init__(
         self,
         fleet: Fleet,
+        commands: Commands,
         link: FleetLink,
         recorder: Recorder,
         supervisor: Supervisor,
         display: Display,
     ) -> None:
         self._fleet = fleet
+        self._commands = commands
         self._link = link
         self._recorder = recorder
         self._supervisor = supervisor
@@ -52,6 +65,7 @@ class Conductor:
         """The whole mission. Returns what went wrong outside the robots' own messages."""
         incidents: list[Fault] = []
         try:
+            self._bring_up()
             self._await_ready()
             self._order("arm", "ARMED")
             self._order("start", "RUNNING")
@@ -73,6 +87,14 @@ class Conductor:
             if all(self._state(name) in {"", *AT_REST} for name in self._alive()):
                 return
             time.sleep(POLL_S)
+
+    def _bring_up(self) -> None:
+        """Start the simulated hardware and, once it serves the buses, the robots."""
+        self._supervisor.start(SIMULATOR, self._commands.simulator)
+        if not self._wait(lambda: SIMULATOR in self._link.view.alive, UP_LIMIT_S):
+            raise self._abort({SIMULATOR: f"not up within {UP_LIMIT_S:g} s"})
+        for name, command in self._commands.robots.items():
+            self._supervisor.start(name, command)
 
     def _await_ready(self) -> None:
         self._phase = "waiting until ready"
@@ -100,6 +122,7 @@ class Conductor:
         self._phase = f"{command}ing"
         for name in start_order(self._fleet):
             reply = self._link.command(command, [name])[name]
+            self._pump()
             self._check()
             if not reply.accepted:
                 raise self._abort({name: f"refuses to {command}: {reply.reason}"})
@@ -147,10 +170,15 @@ class Conductor:
         self._display.update(self._phase, self._fleet, self._link.view)
 
     def _check(self) -> None:
-        """Abort when a process died or a robot is in a bad state (it says why by itself)."""
+        """Abort when a process died, a robot fell silent or is in a bad state (it says why)."""
         ended = self._supervisor.ended()
         if ended:
             raise self._abort({each.name: str(each) for each in ended})
+        silent = self._silent()
+        if silent:
+            raise self._abort(
+                {name: f"nothing heard for {age_s:.1f} s" for name, age_s in silent.items()}
+            )
         if any(self._state(name) in BAD_STATES for name in self._fleet.robots):
             raise self._abort({})
 
@@ -166,8 +194,18 @@ class Conductor:
         return time.monotonic() - self._started_s
 
     def _alive(self) -> list[str]:
-        dead = {each.name for each in self._supervisor.ended()}
-        return [name for name in self._fleet.robots if name not in dead]
+        """Robots whose process runs and that have not fallen silent."""
+        lost = {each.name for each in self._supervisor.ended()} | self._silent().keys()
+        return [name for name in self._fleet.robots if name not in lost]
+
+    def _silent(self) -> dict[str, float]:
+        """Robots that were heard but have fallen silent, and the age [s] of their last status."""
+        ages = {name: self._link.view.age_s(name, time.time_ns()) for name in self._fleet.robots}
+        return {
+            name: age_s
+            for name, age_s in ages.items()
+            if age_s is not None and age_s > SILENCE_LIMIT_S
+        }
 
     def _state(self, name: str) -> str:
         return self._link.view.state(name)

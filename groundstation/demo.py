@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from config.fleet import Fleet
 from groundstation import run_folder
-from groundstation.conductor import Conductor
+from groundstation.conductor import Commands, Conductor
 from groundstation.evaluate import evaluate
 from groundstation.figures import draw_formation, draw_trajectories
 from groundstation.fleet_link import FleetLink
@@ -41,7 +41,9 @@ def run_demo(options: Options) -> tuple[RunFolder, Summary]:
     the processes ended and the recording closed before it goes on.
     """
     folder = run_folder.create(options.fleet.name, options.lockstep, options.out)
-    options.console.print(f"run folder: {folder.path}", highlight=False, markup=False)
+    options.console.print(
+        f"run folder: {folder.path}", highlight=False, markup=False, soft_wrap=True
+    )
     incidents = _lockstep(options, folder) if options.lockstep else _live(options, folder)
     mode: Mode = "lockstep" if options.lockstep else "processes"
     run = read_run(folder.recording)
@@ -63,7 +65,7 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
     with tempfile.TemporaryDirectory(prefix="echelon-") as runtime:
         fleet, notes = rehearsal(options.fleet, Path(runtime))
         for note in notes:
-            options.console.print(note, highlight=False, markup=False)
+            options.console.print(note, highlight=False, markup=False, soft_wrap=True)
         folder.write_fleet(fleet)
         with (
             FleetLink.as_ground_station(fleet) as link,
@@ -71,20 +73,24 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
             Supervisor(folder.logs) as supervisor,
             display(options.console) as shown,
         ):
-            conductor = Conductor(fleet, link, recorder, supervisor, shown)
+            commands = _commands(fleet, folder, options.seed)
+            conductor = Conductor(fleet, commands, link, recorder, supervisor, shown)
             try:
-                _start_processes(supervisor, fleet, folder, options.seed)
                 return conductor.drive()
             except KeyboardInterrupt:
                 conductor.bring_to_rest()
                 raise
 
 
-def _start_processes(supervisor: Supervisor, fleet: Fleet, folder: RunFolder, seed: int) -> None:
+def _commands(fleet: Fleet, folder: RunFolder, seed: int) -> Commands:
     common = ["--fleet", str(folder.fleet), "--seed", str(seed)]
-    supervisor.start("sim", [sys.executable, "-m", "sim_hw", *common])
-    for name in fleet.robots:
-        supervisor.start(name, [sys.executable, "-m", "onboard", *common, "--robot", name])
+    return Commands(
+        simulator=[sys.executable, "-m", "sim_hw", *common],
+        robots={
+            name: [sys.executable, "-m", "onboard", *common, "--robot", name]
+            for name in fleet.robots
+        },
+    )
 
 
 def _lockstep(options: Options, folder: RunFolder) -> list[Fault]:

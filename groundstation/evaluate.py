@@ -38,13 +38,18 @@ def evaluate(
     judged = mission_log.judged_window(fleet, mission)
     behind = formation_tree.followers(fleet)
     faults = [*mission_log.faults(fleet, run, origin_ns(run, mission)), *incidents]
-    unfinished = ["it never started"] if mission is None else mission_log.unfinished(fleet, run)
+    unfinished = mission_log.unfinished(fleet, run, mission)
+    faulted = {fault.robot for fault in faults}
     followers = {name: _follower(formation_errors(fleet, run, name), judged) for name in behind}
     leader = _leader(fleet, run, judged)
     near = proximity(run.truth, fleet.mission.acceptance.min_distance_m)
     loops = {name: _loop(run, name) for name in fleet.robots if run.status.get(name)}
     why = [
-        *(f"mission not completed: {text}" for text in unfinished),
+        *(
+            f"mission not completed: {text}"
+            for name, text in unfinished.items()
+            if name not in faulted
+        ),
         *(f"{fault.robot} at {fault.t_s:.2f} s: {fault.reason}" for fault in faults),
         *_missed_follower_bars(fleet, followers),
         *_missed_leader_bar(fleet, leader),

@@ -140,7 +140,7 @@ def to_text(report: StatusReport | CommandReport) -> str:
     if isinstance(report, StatusReport):
         return "\n".join(_status_line(name, robot) for name, robot in report.robots.items())
     return "\n".join(
-        f"{name}: {report.command} {'accepted' if answer.accepted else 'refused'}"
+        f"{name}: {report.command} {'accepted' if answer.accepted else 'NOT ACCEPTED'}"
         f"{f': {answer.reason}' if answer.reason else ''}"
         for name, answer in report.robots.items()
     )

@@ -50,18 +50,19 @@ def judged_window(fleet: Fleet, mission: Window | None) -> Window:
     return Window(mission.start_ns + from_ns, mission.end_ns)
 
 
-def unfinished(fleet: Fleet, run: Run) -> list[str]:
-    """Why the mission does not count as completed; nothing when it does."""
+def unfinished(fleet: Fleet, run: Run, mission: Window | None) -> dict[str, str]:
+    """Per robot, why the mission does not count as completed; nothing when it does."""
     leader = leader_of(fleet)
-    final = {name: _final_state(run, name) for name in fleet.robots}
-    problems = [
-        f"{name} ended in {state or 'silence'}{f' ({reason})' if reason else ''}, not in STANDBY"
-        for name, (state, reason) in final.items()
-        if state != "STANDBY"
-    ]
-    state, reason = final[leader]
-    if state == "STANDBY" and reason != COMPLETE:
-        problems.append(f"{leader} ended with {reason!r}, not with {COMPLETE!r}")
+    if mission is None:
+        return {leader: f"{leader} never started it"}
+    problems: dict[str, str] = {}
+    for name in fleet.robots:
+        state, reason = _final_state(run, name)
+        if state != "STANDBY":
+            told = f" ({reason})" if reason else ""
+            problems[name] = f"{name} ended in {state or 'silence'}{told}, not in STANDBY"
+        elif name == leader and reason != COMPLETE:
+            problems[name] = f"{name} ended with {reason!r}, not with {COMPLETE!r}"
     return problems
 
 

@@ -46,7 +46,7 @@ class LiveTable:
 
     def note(self, text: str) -> None:
         """Say something once, above the table."""
-        self._live.console.print(text, highlight=False, markup=False)
+        self._live.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 class PlainLines:
@@ -64,11 +64,13 @@ class PlainLines:
             return
         self._next_s, self._phase = now_s + LINE_PERIOD_S, phase
         states = ", ".join(f"{name} {view.state(name) or 'silent'}" for name in fleet.robots)
-        self._console.print(f"{phase}: {states}{_mission_time(fleet, view)}", highlight=False)
+        self._console.print(
+            f"{phase}: {states}{_mission_time(fleet, view)}", highlight=False, soft_wrap=True
+        )
 
     def note(self, text: str) -> None:
         """Say something once."""
-        self._console.print(text, highlight=False, markup=False)
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextlib.contextmanager

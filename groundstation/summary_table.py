@@ -22,7 +22,7 @@ def print_summary(console: Console, judged: Summary, bars: Acceptance) -> None:
         table.add_row(what, shown, "" if limit is None else f"{limit:g} {unit}")
     console.print(table)
     for reason in judged.why:
-        console.print(f"- {reason}", highlight=False, markup=False)
+        console.print(f"- {reason}", highlight=False, markup=False, soft_wrap=True)
     console.print(f"verdict: [bold {'green' if passed else 'red'}]{judged.verdict}[/]")
 
 

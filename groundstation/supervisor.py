@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 
 TERM_PATIENCE_S = 2.0
 POLL_S = 0.005
-TAIL_LINES = 8
+TAIL_LINES = 4
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 

@@ -136,7 +136,7 @@ def test_a_run_without_a_mission_fails_with_nothing_judged() -> None:
     assert judged.verdict == "fail"
     assert judged.mission.seconds_judged == 0
     assert judged.followers["r2"].position_rms_m is None
-    assert judged.why[0] == "mission not completed: it never started"
+    assert judged.why[0] == "mission not completed: r1 never started it"
 
 
 def test_a_run_without_truth_cannot_pass() -> None:
