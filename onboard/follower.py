@@ -16,6 +16,7 @@ from onboard.safety.observations import LeaderSeen
 
 STANDING_MPS = 0.02
 SETTLED_RANGE_FRACTION = 0.1
+LOST_AFTER_REJECTIONS = 100
 # The start poses of the fleet file are a rough guess of where people put the robots.
 PRIOR_RANGE_FRACTION = 0.3
 PRIOR_BEARING_STD_RAD = 0.3
@@ -36,15 +37,19 @@ class Follower:
         self._own_markers = {marker.id: marker for marker in self._robot.markers}
         self._filter: RelativeFilter | None = None
         self._motion: Motion | None = None
+        self._leader_wheel = WheelMotion(0.0, 0.0)
         self._used_sighting_ns = 0
         self._driving = False
         self._nis = 0.0
 
     def hear(self, motion: Motion) -> None:
-        """Keep the leader's newest valid message."""
+        """Keep the leader's newest message."""
         newest_ns = -1 if self._motion is None else self._motion.t_ns
-        if motion.valid and motion.robot == self._leader_name and motion.t_ns > newest_ns:
-            self._motion = motion
+        if motion.robot != self._leader_name or motion.t_ns <= newest_ns:
+            return
+        self._motion = motion
+        if motion.valid:
+            self._leader_wheel = WheelMotion(motion.speed_mps, motion.steering_rad)
 
     def estimate(
         self, at: Stamp, dt_s: float, odometry: Odometry, observations: list[Observation]
@@ -53,12 +58,12 @@ class Follower:
         motion = self._motion
         if motion is None:
             return
-        if self._filter is None:
+        if self._filter is None or (not self._driving and self.estimate_problem() is not None):
             self._filter = self._new_filter()
         self._filter.predict(
             dt_s,
             WheelMotion(odometry.speed_mps, odometry.steering_rad),
-            WheelMotion(motion.speed_mps, motion.steering_rad),
+            self._leader_wheel,
         )
         for seen in observations:
             marker = self._leader_markers.get(seen.marker)
@@ -94,6 +99,10 @@ class Follower:
         """Wait for the leader to move."""
         self._driving = False
 
+    def finish(self) -> None:
+        """Stop following; the filter goes on."""
+        self._driving = False
+
     def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
         """Hold the place once the leader drives; stand before."""
         motion, estimator = self._motion, self._filter
@@ -107,7 +116,7 @@ class Follower:
             self._robot.formation,
             self._offset,
             estimator.estimate(),
-            WheelMotion(motion.speed_mps, motion.steering_rad),
+            self._leader_wheel,
             self._leader.vehicle.wheelbase_m,
             self._robot.vehicle.wheelbase_m,
         )
@@ -116,7 +125,7 @@ class Follower:
     def ended(self) -> str | None:
         """The leader has driven and stands again, or has given up."""
         motion = self._motion
-        if motion is None or not self._driving or motion.mission_time_s is not None:
+        if motion is None or not self._driving or motion.state == "RUNNING":
             return None
         if motion.state == "STOPPING" and abs(motion.speed_mps) > STANDING_MPS:
             return None
@@ -136,7 +145,18 @@ class Follower:
         if motion is None:
             return LeaderSeen(self._leader_name, None, None)
         age_s = at.wall_s - motion.wall_ns * 1e-9
-        return LeaderSeen(self._leader_name, age_s, motion.state)
+        problem = None if motion.valid else f"does not know its own motion ({motion.reason})"
+        return LeaderSeen(self._leader_name, age_s, motion.state, problem)
+
+    def estimate_problem(self) -> str | None:
+        """The filter has lost the leader where it believes none of its bearings any more."""
+        rejected = 0 if self._filter is None else self._filter.rejected_in_a_row
+        if rejected < LOST_AFTER_REJECTIONS:
+            return None
+        return (
+            f"lost {self._leader_name}: the last {rejected} bearings do not fit the estimate, "
+            f"limit {LOST_AFTER_REJECTIONS}"
+        )
 
     def not_ready(self) -> list[str]:
         """The range must be known before the robot may move."""

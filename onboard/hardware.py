@@ -38,6 +38,7 @@ class Hardware:
         self.encoder = SteeringEncoder(aux, timeouts.encoder_timeout_s)
         self._orders = BearingOrders(sensor_codecs, robot.bearing_sensor.rate_hz)
         self._host = HostFrames(aux)
+        self._timeout_s = timeouts.encoder_timeout_s
         self._assumed_std_rad = robot.bearing_sensor.std_rad
         self._steering_rad: float | None = None
         self._rate_radps = 0.0
@@ -59,16 +60,18 @@ class Hardware:
             self._rate_radps = (angle_rad - self._steering_rad) / dt_s
         self._steering_rad = angle_rad
 
-    def odometry(self) -> Odometry | None:
-        """Own motion; None until both the drive and the steering encoder have spoken.
+    def odometry(self, now_s: float) -> Odometry | None:
+        """Own motion; None while the drive or the steering encoder has not spoken lately.
 
         The steering rate is the difference of the last two angles over the time between the
         steps, so that its integral is the angle itself.
         """
-        speed_mps = self.drive.feedback.velocity
-        if speed_mps is None or self._steering_rad is None:
+        drive = self.drive.feedback
+        if drive.velocity is None or drive.t_estimate_s is None or self._steering_rad is None:
             return None
-        return Odometry(speed_mps, self._steering_rad, self._rate_radps)
+        if now_s - drive.t_estimate_s > self._timeout_s or self.encoder.problem(now_s) is not None:
+            return None
+        return Odometry(drive.velocity, self._steering_rad, self._rate_radps)
 
     def observations(self, now_s: float) -> list[Observation]:
         """Identified bearings that have come in since the last call."""

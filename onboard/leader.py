@@ -5,9 +5,11 @@ from config.messages import Message, Motion, PoseEstimate
 from config.topics import POSE, Topic
 from onboard.control.schedule import LeaderReference, VelocityPlan
 from onboard.control.steering import WheelController, WheelSetpoint
-from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser
+from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser, UpdateOutcome
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen
+
+DIVERGED_LOOKS = 50
 
 
 class Leader:
@@ -20,6 +22,7 @@ class Leader:
         self._seed = seed
         self._plan = VelocityPlan(fleet.mission)
         self._localiser: ParticleLocaliser | None = None
+        self._diverged_looks = 0
         self._reference: LeaderReference | None = None
 
     def hear(self, motion: Motion) -> None:
@@ -32,13 +35,17 @@ class Leader:
         if self._localiser is None:
             self._localiser = self._new_localiser(odometry.steering_rad)
         self._localiser.predict(dt_s, odometry.speed_mps, odometry.steering_rate_radps)
-        self._localiser.update(
+        result = self._localiser.update(
             [
                 LandmarkBearing(seen.marker, seen.sensor_rad, seen.std_rad, seen.age_s)
                 for seen in observations
                 if seen.marker in self._landmarks
             ]
         )
+        if result.outcome is UpdateOutcome.DIVERGED:
+            self._diverged_looks += 1
+        elif result.outcome is not UpdateOutcome.NO_BEARINGS:
+            self._diverged_looks = 0
 
     def _new_localiser(self, steering_rad: float) -> ParticleLocaliser:
         return ParticleLocaliser(
@@ -56,6 +63,10 @@ class Leader:
         self._reference = LeaderReference(
             self._plan, self._robot.limits, self._robot.vehicle.wheelbase_m, steering_rad
         )
+
+    def finish(self) -> None:
+        """Forget the schedule; the next start begins it anew."""
+        self._reference = None
 
     def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
         """Follow the schedule, open loop."""
@@ -79,6 +90,15 @@ class Leader:
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """A leader has no leader."""
         return None
+
+    def estimate_problem(self) -> str | None:
+        """The filter has lost the pose where look after look fits no particle."""
+        if self._diverged_looks < DIVERGED_LOOKS:
+            return None
+        return (
+            f"pose lost: the last {self._diverged_looks} looks fit no particle, limit "
+            f"{DIVERGED_LOOKS}; check the landmarks' places and ids, or restart at `start`"
+        )
 
     def not_ready(self) -> list[str]:
         """The known start makes the pose usable from the first encoder reading on."""

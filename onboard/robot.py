@@ -85,28 +85,32 @@ class Robot:
         for frame in inputs.frames:
             self._guard.observe(frame)
         self._hardware.take(inputs.frames, dt_s)
-        odometry = self._hardware.odometry()
+        odometry = self._hardware.odometry(at.now_s)
         observations = self._hardware.observations(at.now_s)
         if odometry is not None:
             self._role.estimate(at, dt_s, odometry, observations)
         replies = self._supervision.step(at, inputs, odometry, observations)
-        if odometry is not None:
-            self._drive(dt_s, odometry)
+        self._drive(dt_s, odometry)
         frames = self._frames(at.now_s)
         self._report(at, inputs, odometry, observations)
         return Outputs(frames, self._telemetry.take(), replies)
 
-    def _drive(self, dt_s: float, odometry: Odometry) -> None:
+    def _drive(self, dt_s: float, odometry: Odometry | None) -> None:
         """Setpoints of this cycle; drives that get none hold still."""
         state = self._supervision.state
-        if state is State.RUNNING:
+        if state is State.RUNNING and odometry is not None:
             self._hardware.command(self._role.drive(dt_s, self._wheels, odometry))
-        elif state is State.STOPPING:
+        elif state in (State.RUNNING, State.STOPPING):
             self._hardware.command(self._wheels.stop(dt_s))
-            if self._wheels.last.speed_mps == 0.0 and abs(odometry.speed_mps) < STANDING_MPS:
+            if state is State.STOPPING and self._stands(odometry):
                 self._hardware.disarm()
-        else:
+        elif odometry is not None:
             self._wheels.reset(odometry.steering_rad)
+
+    def _stands(self, odometry: Odometry | None) -> bool:
+        """The ramp is down and the wheel stands, as far as anything measures it."""
+        speed_mps = 0.0 if odometry is None else odometry.speed_mps
+        return self._wheels.last.speed_mps == 0.0 and abs(speed_mps) < STANDING_MPS
 
     def _frames(self, now_s: float) -> list[Frame]:
         """What the devices and the host want to send, as far as the transmit guard lets it."""

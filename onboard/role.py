@@ -50,6 +50,9 @@ class Role(Protocol):
     def start(self, steering_rad: float) -> None:
         """Begin the mission with the fork at this angle."""
 
+    def finish(self) -> None:
+        """The mission is over, however it ended."""
+
     def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
         """Setpoints for the next `dt_s`; called only while the robot runs."""
 
@@ -64,6 +67,9 @@ class Role(Protocol):
 
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """Age and state of the leader's last message; None for a robot without a leader."""
+
+    def estimate_problem(self) -> str | None:
+        """Why the estimate cannot be driven on, or None."""
 
     def not_ready(self) -> list[str]:
         """What the estimate still lacks before the robot may be armed."""

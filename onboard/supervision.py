@@ -88,6 +88,7 @@ class Supervision:
             leader=self._role.leader_seen(at),
             bearing_age_s=None if self._bearing_s is None else now_s - self._bearing_s,
             bearing_problem=hardware.sensor.problem(now_s),
+            estimate_problem=self._role.estimate_problem(),
             drive=drive_seen(hardware.drive.feedback, now_s),
             steering=drive_seen(hardware.steering.feedback, now_s),
             encoder_age_s=hardware.encoder.stale_for(now_s),
@@ -167,6 +168,8 @@ class Supervision:
         if isinstance(result, Refusal):
             return result
         self.changed = True
+        if result.source is State.RUNNING:
+            self._role.finish()
         if result.target is State.STOPPING and result.source is not State.STOPPING:
             self._stop_began_s = at.now_s
         if result.target is State.ESTOP and result.source is not State.ESTOP:

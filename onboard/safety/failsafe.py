@@ -94,9 +94,10 @@ def _encoder(seen: Observations, limits: Failsafe) -> Verdict:
 def _leader_silent(seen: Observations, limits: Failsafe) -> Verdict:
     if seen.leader is None:
         return NOTHING
-    problem = silence(
-        f"leader {seen.leader.name}", "message", seen.leader.age_s, limits.leader_timeout_s
-    )
+    name = f"leader {seen.leader.name}"
+    problem = silence(name, "message", seen.leader.age_s, limits.leader_timeout_s)
+    if problem is None and seen.leader.problem is not None:
+        problem = f"{name} {seen.leader.problem}"
     return Verdict(Action.CONTROLLED_STOP, problem) if problem else NOTHING
 
 
@@ -113,6 +114,11 @@ def _bearings(seen: Observations, limits: Failsafe) -> Verdict:
     problem = seen.bearing_problem or silence(
         "bearing sensor", "usable bearing", seen.bearing_age_s, limits.bearing_timeout_s
     )
+    return Verdict(Action.CONTROLLED_STOP, problem) if problem else NOTHING
+
+
+def _estimate(seen: Observations, _limits: Failsafe) -> Verdict:
+    problem = seen.estimate_problem
     return Verdict(Action.CONTROLLED_STOP, problem) if problem else NOTHING
 
 
@@ -134,6 +140,7 @@ CHECKS: tuple[Callable[[Observations, Failsafe], Verdict], ...] = (
     _leader_silent,
     _leader_state,
     _bearings,
+    _estimate,
     _loop,
 )
 

@@ -9,11 +9,15 @@ from onboard.safety.states import State
 
 @dataclass(frozen=True, slots=True)
 class LeaderSeen:
-    """The leader of a follower; `age_s` and `state` are None until its first message."""
+    """The leader of a follower; `age_s` and `state` are None until its first message.
+
+    `problem` is why its message is of no use although it came in time.
+    """
 
     name: str
     age_s: float | None
     state: str | None
+    problem: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +39,15 @@ class Observations:
 
     `leader` is None for a robot without one. `bearing_age_s` is the age of the newest bearing
     that the robot needs (a follower: of its leader), None if there was none. The `*_problem`
-    texts are the devices' own complaints. `loop_late_s` is how late this cycle began.
-    `estop_by` names who asked for the emergency stop.
+    texts are the devices' own complaints, `estimate_problem` is the estimator's. `loop_late_s`
+    is how late this cycle began. `estop_by` names who asked for the emergency stop.
     """
 
     state: State
     leader: LeaderSeen | None
     bearing_age_s: float | None
     bearing_problem: str | None
+    estimate_problem: str | None
     drive: DriveSeen
     steering: DriveSeen
     encoder_age_s: float | None

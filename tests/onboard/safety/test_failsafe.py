@@ -25,6 +25,7 @@ GOOD = Observations(
     leader=LeaderSeen("r1", 0.01, "RUNNING"),
     bearing_age_s=0.02,
     bearing_problem=None,
+    estimate_problem=None,
     drive=ACTIVE,
     steering=ACTIVE,
     encoder_age_s=0.01,
