@@ -35,15 +35,8 @@ def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
         _draw_path(axes, name, track, colour)
     estimate = run.pose.get(formation_tree.leader_of(fleet))
     if estimate is not None:
-        axes.plot(
-            estimate.x_m,
-            estimate.y_m,
-            ":",
-            color=FAINT,
-            lw=1.4,
-            zorder=4,
-            label="leader's estimate",
-        )
+        (line,) = axes.plot(estimate.x_m, estimate.y_m, ":", color=ESTIMATE, lw=1.6, zorder=4)
+        line.set_label("leader's estimate")
     if fleet.landmarks:
         axes.plot(
             [mark.x_m for mark in fleet.landmarks],
@@ -62,7 +55,10 @@ def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
 
 
 def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
-    """Range, bearing and position error of each follower; the judged window is shaded."""
+    """Range, bearing and position error of each follower; the judged window is shaded.
+
+    Limits are drawn where the followers' laws are judged by them.
+    """
     bars = fleet.mission.acceptance
     mission = mission_window(fleet, run)
     origin = origin_ns(run, mission)
@@ -84,16 +80,19 @@ def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
             ):
                 label = f"{name} ({fleet.robots[name].formation.law} law)"
                 axes.plot(time_s, values, color=colours[name], lw=1.2, label=label)
-    _limit(panels[0], bars.range_rms_m, both_sides=True)
-    _limit(panels[1], bars.bearing_rms_rad, both_sides=True)
-    _limit(panels[2], bars.position_rms_m, both_sides=False)
+    laws = {fleet.robots[name].formation.law for name in formation_tree.followers(fleet)}
+    if "polar" in laws:
+        _limit(panels[0], bars.range_rms_m, both_sides=True)
+        _limit(panels[1], bars.bearing_rms_rad, both_sides=True)
+    if "leader_frame" in laws:
+        _limit(panels[2], bars.position_rms_m, both_sides=False)
     panels[2].set_ylim(bottom=0)
     panels[2].set_xlabel("mission time [s]")
     if mission is not None:
         panels[2].set_xlim(-MARGIN_S, mission.seconds + MARGIN_S)
     figure.align_ylabels(panels)
     panels[0].set_title(f"Fleet {fleet.name}: formation error against truth", loc="left", color=INK)
-    _save_with_legend(figure, panels[0], path)
+    _save_with_legend(figure, panels[2], path)
 
 
 def _in_fleet_order(fleet: Fleet, run: Run) -> list[tuple[str, Track]]:
@@ -146,8 +145,7 @@ def _draw_links(axes: Axes, fleet: Fleet, run: Run) -> None:
                 [mine.x_m[here], leaders.x_m[there]],
                 [mine.y_m[here], leaders.y_m[there]],
                 color=FAINT,
-                lw=0.7,
-                alpha=0.7,
+                lw=0.9,
                 zorder=1,
             )
 

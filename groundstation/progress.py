@@ -8,6 +8,7 @@ from typing import Protocol
 
 from rich.console import Console
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
 
 from config.angles import wrap
@@ -98,7 +99,7 @@ def fleet_table(phase: str, fleet: Fleet, view: FleetView, now_wall_ns: int) -> 
         table.add_row(
             name,
             f"[{style}]{state}[/]" if style else state or "silent",
-            reason,
+            escape(reason),
             "" if mission_s is None else f"{mission_s:.1f} s",
             *_errors(fleet, name, view),
             "" if status is None else f"{status.loop.p99_ms:.2f} ms",

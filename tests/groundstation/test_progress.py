@@ -13,7 +13,7 @@ from tests.groundstation.synthetic import WALL_NS, behind, fleet, relative, stat
 
 def _view() -> FleetView:
     view = FleetView()
-    view.hear(keys.parse(STATUS.key("pair", "r2")), status("r2", "RUNNING", "start by me", 10))
+    view.hear(keys.parse(STATUS.key("pair", "r2")), status("r2", "RUNNING", "lost [Error 104]", 10))
     seen = relative(behind()(3.0), straight(3.0), 10)
     view.hear(keys.parse(RELATIVE.key("pair", "r2")), seen)
     return view
@@ -34,7 +34,7 @@ def test_the_table_shows_state_errors_timing_and_age() -> None:
     r1, r2 = (line for line in _text(console).splitlines() if line.startswith("│"))
     assert "silent" in r1
     # The estimate is 0.1 m and 0.02 rad off; the status was captured 0.2 s after the start.
-    for expected in ("RUNNING", "start by me", "+0.100 m", "+1.1 deg", "2.00 ms", "50 ms"):
+    for expected in ("RUNNING", "lost [Error 104]", "+0.100 m", "+1.1 deg", "2.00 ms", "50 ms"):
         assert expected in r2
 
 
