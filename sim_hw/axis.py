@@ -45,8 +45,8 @@ class Axis:
         self.boot(t_s, initialised_s=t_s)
 
     def boot(self, boot_s: float, initialised_s: float) -> None:
-        """Start as after loss of power; the drive then counts its position from zero."""
-        self._now_s = boot_s
+        """Start as after loss of power; the drive counts from where the motor is at `boot_s`."""
+        self._now_s = self._boot_s = boot_s
         self._initialised_s = initialised_s
         self.state = _IDLE
         self.result = ProcedureResult.SUCCESS
@@ -93,6 +93,8 @@ class Axis:
         if self.state is not _IDLE:
             self._supervise()
         self._control(dt_s)
+        if t_s < self._boot_s:
+            self._offset_rev = -self.motor.position_rev
 
     def trip(self, error: AxisError) -> None:
         """Raise an error; an armed axis is disarmed and coasts."""

@@ -77,10 +77,6 @@ class SimCanBus(can.BusABC):
                 error.errno,
             ) from error
         self._socket.setblocking(False)
-        self._readable = select.poll()
-        self._readable.register(self._socket, select.POLLIN)
-        self._writable = select.poll()
-        self._writable.register(self._socket, select.POLLOUT)
         super().__init__(channel=channel, can_filters=can_filters, **kwargs)
 
     def fileno(self) -> int:
@@ -101,8 +97,9 @@ class SimCanBus(can.BusABC):
         while True:
             record = self._receive_record()
             if record is None:
-                if not _wait(self._readable, deadline_s):
+                if deadline_s is not None and time.monotonic() >= deadline_s:
                     return None, True
+                select.select([self._socket], [], [], _remaining_s(deadline_s))
                 continue
             message = unpack_message(record, self._channel)
             if self._matches_filters(message):
@@ -130,8 +127,9 @@ class SimCanBus(can.BusABC):
             try:
                 self._socket.send(record)
             except BlockingIOError:
-                if not _wait(self._writable, deadline_s):
+                if time.monotonic() >= deadline_s:
                     raise can.CanOperationError("Transmit buffer full") from None
+                select.select([], [self._socket], [], _remaining_s(deadline_s))
             except OSError as error:
                 raise self._lost(error) from error
             else:
@@ -150,9 +148,5 @@ class SimCanBus(can.BusABC):
         )
 
 
-def _wait(poller: select.poll, deadline_s: float | None) -> bool:
-    """Wait for an event until a monotonic deadline (None: for ever); False when it has passed."""
-    if deadline_s is None:
-        return bool(poller.poll())
-    remaining_s = deadline_s - time.monotonic()
-    return remaining_s > 0 and bool(poller.poll(remaining_s * 1e3))
+def _remaining_s(deadline_s: float | None) -> float | None:
+    return None if deadline_s is None else max(0.0, deadline_s - time.monotonic())

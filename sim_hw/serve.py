@@ -1,0 +1,139 @@
+"""Simulated hardware in real time: the fleet's buses, its truth, and the loop that drives them."""
+
+import gc
+import select
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import zenoh
+
+from config import topics
+from config.messages import Truth, encode
+from sim_hw.fleet import SimulatedFleet
+from sim_hw.robot import SimulatedRobot
+from sim_hw.simcan.server import SimCanServer
+from sim_hw.timing import Cycle
+
+PERIOD_S = 0.002
+REPORT_LATE_S = 0.05
+REPORT_EVERY_S = 10.0
+
+
+class Buses:
+    """The robots' devices joined to the sockets that their hosts connect to."""
+
+    def __init__(self, fleet: SimulatedFleet, servers: Mapping[str, SimCanServer]) -> None:
+        self._fleet = fleet
+        self._pairs = [(fleet.robots[name], server) for name, server in servers.items()]
+
+    @property
+    def dropped(self) -> int:
+        """Frames lost so far to clients that do not read."""
+        return sum(server.dropped for _, server in self._pairs)
+
+    def listen_until(self, deadline_s: float) -> None:
+        """Deliver the hosts' frames to the devices until a monotonic deadline, as they arrive."""
+        while (remaining_s := deadline_s - time.monotonic()) > 0:
+            filenos = [number for _, server in self._pairs for number in server.filenos()]
+            if select.select(filenos, [], [], remaining_s)[0]:
+                self.deliver(time.monotonic(), time.time())
+
+    def deliver(self, t_s: float, wall_s: float) -> None:
+        """Deliver what the hosts have sent, stamped with the time given."""
+        for robot, server in self._pairs:
+            for frame in server.receive(t_s, wall_s):
+                robot.deliver(frame)
+
+    def advance(self, t_s: float, wall_s: float) -> None:
+        """Move the fleet on to `t_s` and send what its devices have sent meanwhile."""
+        self._fleet.advance(t_s)
+        for robot, server in self._pairs:
+            for frame in robot.collect():
+                server.send(frame, wall_s + frame.t_s - t_s)
+
+
+class TruthPublisher:
+    """Publishes where the robots really are, on `config.topics.TRUTH`."""
+
+    def __init__(
+        self, session: zenoh.Session, fleet_name: str, robots: Mapping[str, SimulatedRobot]
+    ) -> None:
+        self._robots = robots
+        self._sequence = 0
+        self._publishers = {
+            name: session.declare_publisher(topics.TRUTH.key(fleet_name, name)) for name in robots
+        }
+
+    def publish(self, wall_minus_monotonic_s: float) -> None:
+        """Publish every robot's truth, given the wall clock's lead over the monotonic clock."""
+        for name, robot in self._robots.items():
+            message = truth_message(name, robot, self._sequence, wall_minus_monotonic_s)
+            self._publishers[name].put(encode(message))
+        self._sequence += 1
+
+
+def truth_message(
+    name: str, robot: SimulatedRobot, sequence: int, wall_minus_monotonic_s: float
+) -> Truth:
+    """The truth of one robot as it is published."""
+    truth = robot.truth
+    return Truth(
+        seq=sequence,
+        t_ns=round(truth.t_s * 1e9),
+        wall_ns=round((truth.t_s + wall_minus_monotonic_s) * 1e9),
+        robot=name,
+        x_m=truth.x_m,
+        y_m=truth.y_m,
+        heading_rad=truth.heading_rad,
+        steering_rad=truth.steering_rad,
+        speed_mps=truth.speed_mps,
+    )
+
+
+@dataclass(slots=True)
+class Lateness:
+    """How well the loop has kept its schedule."""
+
+    periods: int = 0
+    skipped: int = 0
+    worst_s: float = 0.0
+
+    def record(self, late_s: float) -> int:
+        """Count one period that began `late_s` late; returns how many must be skipped."""
+        missed = max(0, int(late_s / PERIOD_S))
+        self.periods += 1
+        self.skipped += missed
+        self.worst_s = max(self.worst_s, late_s)
+        return missed
+
+    def __str__(self) -> str:
+        return (
+            f"{self.periods} periods of {PERIOD_S * 1e3:g} ms, {self.skipped} skipped, "
+            f"at worst {self.worst_s * 1e3:.1f} ms late"
+        )
+
+
+def run(
+    buses: Buses, truth: TruthPublisher, stopped: Callable[[], bool], say: Callable[[str], None]
+) -> Lateness:
+    """Drive the fleet in real time until `stopped`, and `say` so when it falls behind."""
+    gc.collect()
+    gc.freeze()
+    lateness = Lateness()
+    next_s = time.monotonic() + PERIOD_S
+    truth_cycle = Cycle(next_s, 1.0 / topics.TRUTH.rate_hz)
+    quiet_until_s = 0.0
+    while not stopped():
+        buses.listen_until(next_s)
+        t_s, wall_s = time.monotonic(), time.time()
+        buses.deliver(t_s, wall_s)
+        buses.advance(t_s, wall_s)
+        if truth_cycle.due(t_s):
+            truth.publish(wall_s - t_s)
+        late_s = t_s - next_s
+        next_s += PERIOD_S * (1 + lateness.record(late_s))
+        if late_s > REPORT_LATE_S and t_s > quiet_until_s:
+            say(f"{late_s * 1e3:.0f} ms late: this machine is too slow or too busy")
+            quiet_until_s = t_s + REPORT_EVERY_S
+    return lateness
