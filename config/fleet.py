@@ -224,7 +224,8 @@ class SimulatedMotor(Section):
 class Simulation(Section):
     """The emulated hardware's errors, per robot alike. Only sim_hw reads this section.
 
-    `odometry_scale_error` is a magnitude: the sign is drawn per robot from the seed.
+    `odometry_scale_error` is a magnitude: the sign is drawn per robot from the seed. The emulated
+    hardware asks for a priority above the robots', since real hardware does not wait for software.
     """
 
     odometry_scale_error: Annotated[float, Field(ge=0, lt=0.5)] = 0.01
@@ -233,6 +234,7 @@ class Simulation(Section):
     drive: SimulatedMotor = SimulatedMotor()
     steering: SimulatedMotor = SimulatedMotor()
     steering_encoder_std_rad: NonNegative = 0.001
+    realtime_priority: Annotated[int, Field(ge=0, le=90)] = 60
 
 
 class Fleet(Section):

@@ -5,13 +5,12 @@ Nothing here waits or reads a clock, so a run depends on the fleet file and the 
 
 import itertools
 from collections.abc import Callable
+from types import TracebackType
+from typing import Self
 
 import can
 import msgspec
 import numpy as np
-from onboard.canbus.port import CanPort
-from onboard.robot import Robot
-from sim_hw.fleet import SimulatedFleet
 
 from config import topics
 from config.can.database import CanDatabase
@@ -19,7 +18,11 @@ from config.can.frame import Frame
 from config.fleet import Fleet
 from config.messages import Command, CommandReply, Estop, LoopHealth, Motion, Status, Truth, encode
 from config.topics import Topic
+from groundstation.formation_tree import start_order
+from onboard.canbus.port import CanPort
+from onboard.robot import Robot
 from onboard.step import Inputs, Outputs, Request
+from sim_hw.fleet import SimulatedFleet
 
 Record = Callable[[str, bytes, int], None]
 
@@ -29,6 +32,7 @@ WALL_OFFSET_S = 1_000_000_000.0
 READY_LIMIT_S = 20.0
 STOP_LIMIT_S = 10.0
 COMMAND_LIMIT_S = 2.0
+AT_REST = frozenset({"STANDBY", "FAULT", "ESTOP"})
 
 _run_numbers = itertools.count()
 
@@ -38,22 +42,24 @@ class LockstepFailed(Exception):
 
 
 class Station:
-    """One robot's computer: its `Robot`, its port, and the device side of its virtual bus."""
+    """One robot's computer: its `Robot`, its port, and the device side of its virtual bus.
+
+    `running` False is what a killed process looks like, `late_s` what a stalled one does.
+    """
 
     def __init__(self, fleet: Fleet, name: str, channel: str, seed: int, db: CanDatabase) -> None:
         self.robot = Robot(fleet, name, db, seed)
         self.device_bus = can.Bus(
             interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
         )
-        host_bus = can.Bus(
-            interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
-        )
-        self.port = CanPort(host_bus)
+        self.host_bus = can.Bus(interface="virtual", channel=channel, ignore_config=True)
+        self.port = CanPort(self.host_bus)
         self.mail: list[Motion] = []
         self.requests: list[Request] = []
         self.estops: list[Estop] = []
         self.replies: dict[int, CommandReply] = {}
         self.running = True
+        self.late_s = 0.0
 
     def close(self) -> None:
         """Leave the virtual bus."""
@@ -62,10 +68,7 @@ class Station:
 
 
 class Lockstep:
-    """A fleet under virtual time, one tick of the control period at a time.
-
-    `stations[name].running = False` is what a killed onboard process looks like.
-    """
+    """A fleet under virtual time, one tick of the control period at a time."""
 
     def __init__(self, fleet: Fleet, seed: int, record: Record | None = None) -> None:
         self.fleet = fleet
@@ -86,7 +89,15 @@ class Lockstep:
         rates = {robot.loop.rate_hz for robot in fleet.robots.values()}
         self.period_s = 1.0 / max(rates)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Leave all virtual buses."""
         for station in self.stations.values():
             station.close()
@@ -115,6 +126,10 @@ class Lockstep:
             self.tick()
         return True
 
+    def run_for(self, seconds: float) -> None:
+        """Tick for so long."""
+        self.run_until(lambda: False, seconds)
+
     def command(self, name: str, command: str) -> CommandReply:
         """Send an operator's command and tick until it is answered."""
         number = next(self._numbers)
@@ -131,9 +146,45 @@ class Lockstep:
         for station in self.stations.values():
             station.estops.append(stop)
 
-    def states(self) -> set[str]:
-        """The states that the robots last reported."""
-        return {status.state for status in self.statuses.values()}
+    @property
+    def at_rest(self) -> bool:
+        """True where every robot that runs says that its drives are not powered."""
+        return all(
+            status.state in AT_REST
+            for name, status in self.statuses.items()
+            if self.stations[name].running
+        )
+
+    def start_mission(self) -> None:
+        """Wait until all are ready, arm all, start all, followers first.
+
+        Raises:
+            LockstepFailed: a robot does not become ready, refuses, or does not get there.
+        """
+        if not self.run_until(self._all_ready, READY_LIMIT_S):
+            waiting = "; ".join(
+                f"{name}: {', '.join(status.not_ready)}"
+                for name, status in self.statuses.items()
+                if not status.ready
+            )
+            raise LockstepFailed(f"not ready within {READY_LIMIT_S:.0f} s: {waiting}")
+        self._order("arm", "ARMED")
+        self._order("start", "RUNNING")
+
+    def _all_ready(self) -> bool:
+        statuses = self.statuses
+        return len(statuses) == len(self.stations) and all(s.ready for s in statuses.values())
+
+    def _order(self, command: str, state: str) -> None:
+        for name in start_order(self.fleet):
+            reply = self.command(name, command)
+            if not reply.accepted:
+                raise LockstepFailed(f"{name} refuses to {command}: {reply.reason}")
+        if not self.run_until(
+            lambda: {status.state for status in self.statuses.values()} == {state}, COMMAND_LIMIT_S
+        ):
+            states = {name: status.state for name, status in self.statuses.items()}
+            raise LockstepFailed(f"not all {state} within {COMMAND_LIMIT_S:.0f} s: {states}")
 
     def _nanoseconds(self) -> int:
         return round(self.now_s * 1e9)
@@ -194,6 +245,7 @@ class Lockstep:
             frames=station.port.receive(self.now_s, wall_s),
             bus=station.port.health(),
             loop=LoopHealth(self._ticks, 0, 0.0, 0.0, 0.0, 0.0, realtime=False),
+            late_s=station.late_s,
             motions=station.mail,
             requests=station.requests,
             estops=station.estops,
@@ -224,49 +276,11 @@ def run_lockstep(
     Raises:
         LockstepFailed: a robot does not become ready or refuses a command.
     """
-    lockstep = Lockstep(fleet, seed, record)
-    try:
-        _arm_and_start(lockstep)
+    with Lockstep(fleet, seed, record) as lockstep:
+        lockstep.start_mission()
         limit_s = fleet.mission.duration_s + STOP_LIMIT_S
         end_s = lockstep.now_s + limit_s
-        while lockstep.now_s < end_s and not lockstep.states() <= {"STANDBY", "FAULT", "ESTOP"}:
-            lockstep.run_until(lambda: False, 1.0)
+        while lockstep.now_s < end_s and not lockstep.at_rest:
+            lockstep.run_for(1.0)
             if progress is not None:
-                progress(max(0.0, fleet.mission.duration_s - (end_s - lockstep.now_s)))
-    finally:
-        lockstep.close()
-
-
-def start_order(fleet: Fleet) -> list[str]:
-    """Followers first, leaders last: nobody moves before those behind are ready."""
-    followers = [name for name, robot in fleet.robots.items() if robot.leader is not None]
-    return followers + [name for name in fleet.robots if name not in followers]
-
-
-def _arm_and_start(lockstep: Lockstep) -> None:
-    names = start_order(lockstep.fleet)
-    if not lockstep.run_until(
-        lambda: (
-            len(lockstep.statuses) == len(names)
-            and all(status.ready for status in lockstep.statuses.values())
-        ),
-        READY_LIMIT_S,
-    ):
-        waiting = "; ".join(
-            f"{name}: {', '.join(status.not_ready)}"
-            for name, status in lockstep.statuses.items()
-            if not status.ready
-        )
-        raise LockstepFailed(f"not ready within {READY_LIMIT_S:.0f} s: {waiting}")
-    _command_all(lockstep, names, "arm", "ARMED")
-    _command_all(lockstep, names, "start", "RUNNING")
-
-
-def _command_all(lockstep: Lockstep, names: list[str], command: str, state: str) -> None:
-    for name in names:
-        reply = lockstep.command(name, command)
-        if not reply.accepted:
-            raise LockstepFailed(f"{name} refuses to {command}: {reply.reason}")
-    if not lockstep.run_until(lambda: lockstep.states() == {state}, COMMAND_LIMIT_S):
-        states = {name: status.state for name, status in lockstep.statuses.items()}
-        raise LockstepFailed(f"not {state} within {COMMAND_LIMIT_S:.0f} s: {states}")
+                progress(max(0.0, limit_s - (end_s - lockstep.now_s)))

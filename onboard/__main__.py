@@ -8,11 +8,12 @@ from collections.abc import Sequence
 
 from config.can.database import CanDatabase, DatabaseMismatch
 from config.loader import FleetFileError, expand_channel, load_fleet, resolve_fleet
+from config.realtime import request_realtime
 from onboard.canbus.port import BusUnavailable, CanPort
 from onboard.link import Link, LinkUnavailable
 from onboard.loop import run
 from onboard.robot import Robot
-from onboard.timing import LoopStatistics, request_realtime
+from onboard.timing import LoopStatistics
 
 BAD_INPUT = 2
 EXAMPLE = "example: echelon-onboard --fleet hardware.yaml --robot r2"

@@ -1,13 +1,10 @@
-"""Timing of the control loop: the absolute schedule, its statistics, real-time priority."""
+"""Timing of the control loop: the absolute schedule and its statistics."""
 
-import os
 from collections import deque
 from dataclasses import dataclass
 
 from config.messages import LoopHealth
 
-# Linux: children do not inherit the real-time policy.
-SCHED_RESET_ON_FORK = 0x40000000
 WINDOW_CYCLES = 1000
 REFRESH_CYCLES = 10
 
@@ -59,21 +56,6 @@ class LoopStatistics:
             realtime=self.health.realtime,
         )
         self._since_refresh = 0
-
-
-def request_realtime(priority: int) -> str | None:
-    """Ask for SCHED_FIFO; returns None when granted, else why not and what to do."""
-    if priority == 0:
-        return "not requested (loop.realtime_priority is 0)"
-    policy = os.SCHED_FIFO | SCHED_RESET_ON_FORK
-    try:
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except OSError as error:
-        return (
-            f"SCHED_FIFO {priority} refused ({error.strerror}): grant CAP_SYS_NICE or an rtprio "
-            f"limit of {priority}, or run under systemd with CPUSchedulingPolicy=fifo"
-        )
-    return None
 
 
 def _percentile(ordered: list[float], fraction: float) -> float:

@@ -14,6 +14,7 @@ from config import topics
 from config.can.database import CanDatabase, DatabaseMismatch
 from config.fleet import Fleet
 from config.loader import FleetFileError, load_fleet, resolve_fleet
+from config.realtime import request_realtime
 from config.runtime import expand_channel
 from config.zenoh_settings import session_config
 from sim_hw.fleet import SimulatedFleet
@@ -23,7 +24,7 @@ from sim_hw.simcan.server import ChannelError, SimCanServer
 BAD_INPUT = 2
 INTERFACE = "simcan"
 LISTEN = "tcp/127.0.0.1:0"
-EXAMPLE = "example: echelon-sim --fleet hardware --robots r1,r2 --seed 7"
+EXAMPLE = "example: echelon-sim --fleet demo --robots r1,r2 --seed 7"
 
 
 class BadRequest(Exception):
@@ -83,6 +84,9 @@ def _simulate(fleet: Fleet, names: Sequence[str], seed: int, ground: str) -> Non
         truth = TruthPublisher(session, fleet.name, simulated.robots)
         token = session.liveliness().declare_token(topics.liveliness_key(fleet.name, "sim"))
         _say(f"serving {', '.join(names)} of fleet {fleet.name}, seed {seed}")
+        refusal = request_realtime(fleet.simulation.realtime_priority)
+        if refusal is not None:
+            _say(f"no real-time priority: {refusal}")
         lateness = run(buses, truth, lambda: bool(stop_signals), _say)
         token.undeclare()
         _say(f"{lateness}; {buses.dropped} frames lost to clients that did not read")

@@ -66,7 +66,8 @@ class _Capture(NamedTuple):
 class BearingSensor:
     """One sensor. `config` says how it is mounted, `errors` how it errs.
 
-    Targets beyond the sixteen nearest are left out and the frame is marked as truncated.
+    Targets beyond the sixteen nearest are left out and the frame is marked as truncated. Set
+    `silent` to keep all of its frames off the bus.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class BearingSensor:
         self._clock = DeviceClock(t_s, rng.random() * _CLOCK_RANGE_S)
         self._number = 0
         self._pending: deque[_Capture] = deque()
+        self.silent = False
 
     @property
     def next_due_s(self) -> float:
@@ -114,7 +116,7 @@ class BearingSensor:
             frames += self._frames_of(self._pending.popleft())
         if self._report.due(t_s):
             frames.append(self._health.frame(t_s, self._health_row(t_s)))
-        return frames
+        return [] if self.silent else frames
 
     def _capture(self, t_s: float, own: Vehicle, others: Iterable[MarkedVehicle]) -> _Capture:
         targets = self._in_sight(own, others)

@@ -12,7 +12,10 @@ _CLOCK_RANGE_S = 6.5536
 
 
 class SteeringEncoder:
-    """Reports the true steering angle with white noise, from a random moment after `t_s` on."""
+    """Reports the true steering angle with white noise, from a random moment after `t_s` on.
+
+    Set `silent` to keep its frames off the bus.
+    """
 
     def __init__(
         self, codec: Codec[SteeringAngle], std_rad: float, t_s: float, rng: Generator
@@ -22,6 +25,7 @@ class SteeringEncoder:
         self._rng = rng
         self._cycle = Cycle(t_s + rng.random() * codec.cycle_time_s, codec.cycle_time_s)
         self._clock = DeviceClock(t_s, rng.random() * _CLOCK_RANGE_S)
+        self.silent = False
 
     @property
     def next_due_s(self) -> float:
@@ -30,7 +34,7 @@ class SteeringEncoder:
 
     def advance(self, t_s: float, angle_rad: float, rate_radps: float) -> list[Frame]:
         """Frames due at `t_s`, given the true angle and its rate."""
-        if not self._cycle.due(t_s):
+        if not self._cycle.due(t_s) or self.silent:
             return []
         row = SteeringAngle(
             angle_valid=1,

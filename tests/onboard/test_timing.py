@@ -1,12 +1,10 @@
 """The loop's schedule skips what it missed, and its statistics say so."""
 
-import os
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from onboard.timing import LoopStatistics, Schedule, request_realtime
+from onboard.timing import LoopStatistics, Schedule
 
 
 def test_a_cycle_in_time_moves_one_period_on() -> None:
@@ -41,20 +39,3 @@ def test_statistics_give_percentiles_of_durations_and_count_overruns() -> None:
     assert health.max_ms == pytest.approx(100.0)
     assert health.late_p99_ms == pytest.approx(0.1)
     assert health.realtime
-
-
-def test_priority_zero_leaves_the_scheduler_alone() -> None:
-    before = os.sched_getscheduler(0)
-    assert "not requested" in (request_realtime(0) or "")
-    assert os.sched_getscheduler(0) == before
-
-
-def test_a_refused_priority_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError(1, "Operation not permitted")
-
-    monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    refusal = request_realtime(50)
-    assert refusal is not None
-    assert "SCHED_FIFO 50" in refusal
-    assert "CAP_SYS_NICE" in refusal

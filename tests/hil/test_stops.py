@@ -1,0 +1,162 @@
+"""Whatever breaks, the robots stop by themselves and say why; the operator can always stop them.
+
+Every test drives the demo fleet on a straight and breaks one thing. Standstill is judged on truth.
+"""
+
+from collections.abc import Callable
+
+import pytest
+
+from config.can.odrive import AxisError
+from groundstation.lockstep import AT_REST, Lockstep
+from tests.hil.fleets import driving, shipped, standing, straight
+
+DEMO = straight("demo", 60.0)
+FOLLOWERS = ("r2", "r3")
+
+
+def test_a_killed_leader_stops_every_follower_within_a_second() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.stations["r1"].running = False
+        assert lockstep.run_until(lambda: all(standing(lockstep, n) for n in FOLLOWERS), 1.0)
+        assert lockstep.run_until(lambda: lockstep.at_rest, 1.0)
+        assert "leader r1: no message for 0.2" in lockstep.statuses["r2"].reason
+        assert "r2 stopped: leader r1: no message" in lockstep.statuses["r3"].reason
+
+
+def test_the_drives_own_watchdog_stops_a_robot_whose_process_is_killed() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.stations["r1"].running = False
+        assert lockstep.run_until(lambda: standing(lockstep, "r1"), 1.5)
+        assert lockstep.simulation.robots["r1"].drive.axis.active_errors & (
+            AxisError.WATCHDOG_TIMER_EXPIRED
+        )
+
+
+Break = Callable[[Lockstep], None]
+
+
+def _no_bearings(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].sensor.silent = True
+
+
+def _no_encoder(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].encoder.silent = True
+
+
+def _drive_trips(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].drive.trip(AxisError.DC_BUS_UNDER_VOLTAGE)
+
+
+def _drive_lets_go_without_a_word(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].drive.disarm_silently()
+
+
+def _steering_falls_silent(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].steering.silent = True
+
+
+def _drive_restarts(lockstep: Lockstep) -> None:
+    lockstep.simulation.robots["r2"].drive.reboot()
+
+
+@pytest.mark.parametrize(
+    ("break_it", "reason", "state"),
+    [
+        (_no_bearings, "bearing", "STANDBY"),
+        (_no_encoder, "steering encoder: no angle for", "STANDBY"),
+        (_drive_trips, "DC_BUS_UNDER_VOLTAGE", "FAULT"),
+        (_drive_lets_go_without_a_word, "drive: left closed-loop control", "FAULT"),
+        (_steering_falls_silent, "steering: no", "FAULT"),
+        (_drive_restarts, "drive: no", "FAULT"),
+    ],
+)
+def test_a_broken_device_stops_its_robot_and_those_behind(
+    break_it: Break, reason: str, state: str
+) -> None:
+    with driving(DEMO) as lockstep:
+        break_it(lockstep)
+        assert lockstep.run_until(lambda: all(standing(lockstep, n) for n in FOLLOWERS), 2.5)
+        assert lockstep.run_until(
+            lambda: all(lockstep.statuses[n].state in AT_REST for n in FOLLOWERS), 3.0
+        )
+        assert lockstep.statuses["r2"].state == state
+        assert reason in lockstep.statuses["r2"].reason
+        assert "r2" in lockstep.statuses["r3"].reason
+
+
+def test_a_lost_bus_is_a_fault_and_the_watchdog_does_the_stopping() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.stations["r2"].host_bus.shutdown()
+        assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
+        assert lockstep.statuses["r2"].state == "FAULT"
+        assert "CAN bus lost: receiving failed" in lockstep.statuses["r2"].reason
+        assert lockstep.run_until(lambda: standing(lockstep, "r3"), 1.0)
+
+
+def test_a_late_loop_stops_the_robot() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.stations["r2"].late_s = 0.2
+        lockstep.tick()
+        lockstep.stations["r2"].late_s = 0.0
+        assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.0)
+        assert "control loop 0.200 s late" in lockstep.statuses["r2"].reason
+
+
+def test_an_emergency_stop_is_on_the_bus_within_one_cycle_and_is_latched() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.estop()
+        lockstep.tick()
+        lockstep.tick()
+        for simulated in lockstep.simulation.robots.values():
+            assert simulated.drive.axis.active_errors & AxisError.ESTOP_REQUESTED
+        assert lockstep.run_until(
+            lambda: all(standing(lockstep, name) for name in lockstep.stations), 1.5
+        )
+        lockstep.run_for(1.0)
+        for name, status in lockstep.statuses.items():
+            assert status.state == "ESTOP"
+            assert "emergency stop by lockstep" in status.reason
+            for command in ("arm", "start", "stop"):
+                assert not lockstep.command(name, command).accepted
+
+
+def test_a_reset_after_an_emergency_stop_lets_the_fleet_drive_again() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.estop()
+        lockstep.run_for(0.2)
+        reply = lockstep.command("r1", "reset")
+        assert not reply.accepted
+        assert "still being sent" in reply.reason
+        lockstep.run_for(2.0)
+        assert all(lockstep.command(name, "reset").accepted for name in lockstep.stations)
+        lockstep.start_mission()
+        lockstep.run_for(1.0)
+        assert not standing(lockstep, "r3")
+
+
+def test_the_operator_can_stop_the_whole_chain_by_stopping_its_head() -> None:
+    with driving(DEMO) as lockstep:
+        assert lockstep.command("r1", "stop").accepted
+        assert lockstep.run_until(lambda: lockstep.at_rest, 2.0)
+        assert lockstep.statuses["r1"].reason == "stop by lockstep"
+        assert lockstep.statuses["r3"].reason == "r2 stopped: r1 stopped: stop by lockstep"
+
+
+def test_a_healthy_run_blocks_and_loses_no_frame() -> None:
+    with driving(DEMO, for_s=5.0) as lockstep:
+        for status in lockstep.statuses.values():
+            assert status.blocked_frames == 0
+            assert status.bus.send_failures == 0
+            assert status.bus.error_frames == 0
+            assert status.state == "RUNNING"
+
+
+def test_a_robot_is_not_armed_before_its_checks_pass() -> None:
+    with Lockstep(shipped("demo"), 1) as lockstep:
+        lockstep.simulation.robots["r2"].sensor.silent = True
+        lockstep.run_for(1.0)
+        reply = lockstep.command("r2", "arm")
+        assert not reply.accepted
+        assert "bearing sensor" in reply.reason
+        assert not lockstep.command("r1", "start").accepted
