@@ -46,7 +46,7 @@ class Axis:
 
     def boot(self, boot_s: float, initialised_s: float) -> None:
         """Start as after loss of power; the drive counts from where the motor is at `boot_s`."""
-        self._now_s = self._boot_s = boot_s
+        self.now_s = self._boot_s = boot_s
         self._initialised_s = initialised_s
         self.state = _IDLE
         self.result = ProcedureResult.SUCCESS
@@ -64,7 +64,7 @@ class Axis:
     @property
     def active_errors(self) -> AxisError:
         """Errors that keep the axis from being armed."""
-        if self._now_s < self._initialised_s:
+        if self.now_s < self._initialised_s:
             return self._errors | AxisError.INITIALIZING
         return self._errors
 
@@ -80,8 +80,8 @@ class Axis:
 
     def at(self, t_s: float) -> None:
         """Set the time of the commands that follow."""
-        if t_s > self._now_s:
-            self._now_s = t_s
+        if t_s > self.now_s:
+            self.now_s = t_s
 
     def advance(self, t_s: float) -> None:
         """Watch over the axis and move its motor on to `t_s`."""
@@ -127,7 +127,7 @@ class Axis:
         self.disarm_reason = _NO_ERROR
         if self.state is _IDLE:
             self.result = ProcedureResult.SUCCESS
-        self._fed_s = self._now_s
+        self._fed_s = self.now_s
 
     def input_position(self, position_rev: float) -> None:
         """Setpoint of position control."""
@@ -141,7 +141,7 @@ class Axis:
 
     def accepts_input(self, value: float) -> bool:
         """Feed the watchdog; a value that is no number trips the axis instead of moving it."""
-        self._fed_s = self._now_s
+        self._fed_s = self.now_s
         if not math.isfinite(value):
             self.trip(AxisError.MISSING_INPUT)
             return False
@@ -163,7 +163,7 @@ class Axis:
             self._procedure_end_s = math.inf
             self._input_position_rev = self.position_rev
             self._input_velocity_rps = 0.0
-            self._fed_s = self._now_s
+            self._fed_s = self.now_s
 
     def _run_procedure(self, procedure: AxisState) -> None:
         if self.active_errors:
@@ -171,15 +171,15 @@ class Axis:
             return
         self.state = procedure
         self.result = ProcedureResult.BUSY
-        self._procedure_end_s = self._now_s + PROCEDURE_S
+        self._procedure_end_s = self.now_s + PROCEDURE_S
 
     def _supervise(self) -> None:
         if self.state is _CLOSED_LOOP:
-            if self._now_s - self._fed_s >= self._watchdog_s:
+            if self.now_s - self._fed_s >= self._watchdog_s:
                 self.trip(AxisError.WATCHDOG_TIMER_EXPIRED)
             elif abs(self.motor.velocity_rps) > OVER_SPEED_FACTOR * self.velocity_limit_rps:
                 self.trip(AxisError.VELOCITY_LIMIT_VIOLATION)
-        elif self._now_s >= self._procedure_end_s:
+        elif self.now_s >= self._procedure_end_s:
             self.calibrated = True
             self.to_idle(ProcedureResult.SUCCESS)
 

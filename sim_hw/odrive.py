@@ -66,7 +66,6 @@ class OdriveAxis:
         self._node = codecs.heartbeat.can_id >> _COMMAND_BITS
         self._encoder_std_rev = encoder_std_rev
         self._rng = rng
-        self._now_s = t_s
         self._out: list[Frame] = []
         self._actions = self._action_table()
         self._answers = self._answer_table()
@@ -82,10 +81,9 @@ class OdriveAxis:
         node, command = frame.can_id >> _COMMAND_BITS, frame.can_id & _COMMAND_MASK
         if node not in (self._node, BROADCAST_NODE) or t_s < self._boot_s:
             return
-        self._now_s = max(self._now_s, t_s)
         self.axis.at(t_s)
         if frame.remote or not frame.data:
-            self._answer(command)
+            self._answer(command, t_s)
         if not frame.remote and command in self._actions:
             codec, act = self._actions[command]
             if len(frame.data) >= codec.min_length:
@@ -94,12 +92,10 @@ class OdriveAxis:
     def advance(self, t_s: float) -> list[Frame]:
         """Move on to `t_s` and return the frames sent since the last call."""
         self.axis.advance(t_s)
-        if t_s > self._now_s:
-            self._now_s = t_s
         if self._heartbeat.due(t_s):
-            self._send(self._codecs.heartbeat, self._heartbeat_row())
+            self._send(self._codecs.heartbeat, self._heartbeat_row(), t_s)
         if self._estimates.due(t_s):
-            self._send(self._codecs.get_encoder_estimates, self._estimates_row())
+            self._send(self._codecs.get_encoder_estimates, self._estimates_row(), t_s)
         if not self._out:
             return self._out
         frames, self._out = self._out, []
@@ -115,7 +111,7 @@ class OdriveAxis:
 
     def reboot(self) -> None:
         """Lose power: silent and deaf for a second, then as after power-up."""
-        boot_s = self._now_s + REBOOT_S
+        boot_s = self.axis.now_s + REBOOT_S
         self.axis.boot(boot_s, initialised_s=boot_s + INITIALISING_S)
         self._out.clear()
         self._start_sending(boot_s)
@@ -169,14 +165,14 @@ class OdriveAxis:
         ]
         return {codec.can_id & _COMMAND_MASK: (codec, row) for codec, row in answers}
 
-    def _answer(self, command: int) -> None:
+    def _answer(self, command: int, t_s: float) -> None:
         if command in self._answers:
             codec, row = self._answers[command]
-            self._send(codec, row())
+            self._send(codec, row(), t_s)
 
-    def _send(self, codec: Codec[Any], row: tuple[float, ...]) -> None:
+    def _send(self, codec: Codec[Any], row: tuple[float, ...], t_s: float) -> None:
         if not self.silent:
-            self._out.append(Frame(codec.can_id, codec.pack(*row), self._now_s))
+            self._out.append(Frame(codec.can_id, codec.pack(*row), t_s))
 
     def _heartbeat_row(self) -> Heartbeat:
         errors = self.axis.active_errors | self.axis.disarm_reason

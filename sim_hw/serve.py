@@ -33,21 +33,21 @@ class Buses:
         return sum(server.dropped for _, server in self._pairs)
 
     def listen_until(self, deadline_s: float) -> None:
-        """Deliver the hosts' frames to the devices until a monotonic deadline, as they arrive."""
+        """Deliver the hosts' frames as they arrive, until a monotonic deadline."""
         while (remaining_s := deadline_s - time.monotonic()) > 0:
             filenos = [number for _, server in self._pairs for number in server.filenos()]
             if select.select(filenos, [], [], remaining_s)[0]:
                 self.deliver(time.monotonic(), time.time())
 
     def deliver(self, t_s: float, wall_s: float) -> None:
-        """Deliver what the hosts have sent, stamped with the time given."""
+        """Deliver what the hosts have sent to devices that have been moved on to now, `t_s`."""
+        self._fleet.advance(t_s)
         for robot, server in self._pairs:
             for frame in server.receive(t_s, wall_s):
                 robot.deliver(frame)
 
-    def advance(self, t_s: float, wall_s: float) -> None:
-        """Move the fleet on to `t_s` and send what its devices have sent meanwhile."""
-        self._fleet.advance(t_s)
+    def send(self, t_s: float, wall_s: float) -> None:
+        """Put on the buses what the devices have sent; `t_s` and `wall_s` are one instant."""
         for robot, server in self._pairs:
             for frame in robot.collect():
                 server.send(frame, wall_s + frame.t_s - t_s)
@@ -128,7 +128,7 @@ def run(
         buses.listen_until(next_s)
         t_s, wall_s = time.monotonic(), time.time()
         buses.deliver(t_s, wall_s)
-        buses.advance(t_s, wall_s)
+        buses.send(t_s, wall_s)
         if truth_cycle.due(t_s):
             truth.publish(wall_s - t_s)
         late_s = t_s - next_s

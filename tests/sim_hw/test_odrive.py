@@ -345,3 +345,12 @@ def test_setpoints_between_steps_lose_no_motion() -> None:
         busy.drive.on_frame(frame(busy.codecs.set_input_vel, within_s, 5.0, 0.0), within_s)
         busy.run(0.001)
     assert busy.motor.position_rev == pytest.approx(calm.motor.position_rev, abs=1e-12)
+
+
+def test_a_frame_from_ahead_of_the_simulation_does_not_bring_cyclic_frames_forward() -> None:
+    bench = Bench()
+    bench.run(0.1)
+    ahead_s = bench.t_s + 0.05
+    bench.drive.on_frame(frame(bench.codecs.set_input_vel, ahead_s, 1.0, 0.0), ahead_s)
+    times = [f.t_s for f in bench.run(0.1) if f.can_id == bench.codecs.get_encoder_estimates.can_id]
+    assert np.diff(times) == pytest.approx(0.01, abs=0.0011)
