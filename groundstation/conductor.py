@@ -7,7 +7,7 @@ from typing import NamedTuple
 from config.fleet import Fleet
 from groundstation.fleet_link import POLL_S, FleetLink
 from groundstation.formation_tree import leader_of, start_order
-from groundstation.mission_log import BAD_STATES
+from groundstation.mission_log import BAD_STATES, COMPLETE
 from groundstation.progress import Display
 from groundstation.recorder import Recorder
 from groundstation.summary import Fault
@@ -19,6 +19,8 @@ READY_LIMIT_S = 20.0
 CHANGE_LIMIT_S = 3.0
 OVERTIME_S = 15.0
 REST_LIMIT_S = 5.0
+# Robots stop by themselves when something breaks; only then does the ground station step in.
+SELF_STOP_S = 1.0
 SILENCE_LIMIT_S = 2.0
 FLUSH_PERIOD_S = 0.5
 AT_REST = frozenset({"STANDBY", *BAD_STATES})
@@ -64,6 +66,7 @@ class Conductor:
     def drive(self) -> list[Fault]:
         """The whole mission. Returns what went wrong outside the robots' own messages."""
         incidents: list[Fault] = []
+        grace_s = 0.0
         try:
             self._bring_up()
             self._await_ready()
@@ -71,21 +74,31 @@ class Conductor:
             self._order("start", "RUNNING")
             self._await_end()
         except _Aborted as aborted:
-            incidents = aborted.incidents
-        self.bring_to_rest()
+            incidents, grace_s = aborted.incidents, SELF_STOP_S
+        self.bring_to_rest(grace_s)
         return incidents
 
-    def bring_to_rest(self) -> None:
-        """Command every moving robot that still lives to stop, and wait a while until it stands."""
+    def bring_to_rest(self, grace_s: float = 0.0) -> None:
+        """Let robots stop by themselves for `grace_s`, then command those that still move to.
+
+        Waits a while until all that live stand.
+        """
         self._phase = "stopping"
+        if self._at_rest_within(grace_s):
+            return
         moving = [name for name in self._alive() if self._state(name) not in AT_REST]
         if moving:
             self._link.command("stop", moving)
-        deadline = time.monotonic() + REST_LIMIT_S
-        while time.monotonic() < deadline:
+        self._at_rest_within(REST_LIMIT_S)
+
+    def _at_rest_within(self, limit_s: float) -> bool:
+        deadline = time.monotonic() + limit_s
+        while True:
             self._pump()
             if all(self._state(name) in {"", *AT_REST} for name in self._alive()):
-                return
+                return True
+            if time.monotonic() >= deadline:
+                return False
             time.sleep(POLL_S)
 
     def _bring_up(self) -> None:
@@ -130,7 +143,30 @@ class Conductor:
 
     def _await_end(self) -> None:
         self._phase = "driving"
-        self._wait_for_states(frozenset({"STANDBY"}), self._fleet.mission.duration_s + OVERTIME_S)
+        limit_s = self._fleet.mission.duration_s + OVERTIME_S
+        if not self._wait(lambda: self._ended() or self._stopped_early(), limit_s):
+            raise self._abort(
+                {
+                    name: f"still {self._state(name) or 'silent'} after {limit_s:g} s"
+                    for name in self._fleet.robots
+                    if self._state(name) != "STANDBY"
+                }
+            )
+        if self._stopped_early():
+            raise self._abort({})
+
+    def _ended(self) -> bool:
+        return all(self._state(name) == "STANDBY" for name in self._fleet.robots)
+
+    def _stopped_early(self) -> bool:
+        """Whether a robot stands although the mission is not complete (its status says why)."""
+        statuses = [self._link.view.status(name) for name in self._fleet.robots]
+        return any(
+            status is not None
+            and status.state == "STANDBY"
+            and not status.reason.endswith(COMPLETE)
+            for status in statuses
+        )
 
     def _wait_for_states(self, wanted: frozenset[str], limit_s: float) -> None:
         def others() -> dict[str, str]:

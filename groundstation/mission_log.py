@@ -61,7 +61,7 @@ def unfinished(fleet: Fleet, run: Run, mission: Window | None) -> dict[str, str]
         if state != "STANDBY":
             told = f" ({reason})" if reason else ""
             problems[name] = f"{name} ended in {state or 'silence'}{told}, not in STANDBY"
-        elif name == leader and reason != COMPLETE:
+        elif not reason.endswith(COMPLETE):
             problems[name] = f"{name} ended with {reason!r}, not with {COMPLETE!r}"
     return problems
 

@@ -127,7 +127,9 @@ def test_a_stopped_mission_is_not_completed() -> None:
     assert not judged.mission.completed
     assert judged.mission.seconds_judged == pytest.approx(7.0)
     assert judged.why == [
-        "mission not completed: r1 ended with 'stopped by operator', not with 'mission complete'"
+        f"mission not completed: {name} ended with 'stopped by operator', "
+        "not with 'mission complete'"
+        for name in ("r1", "r2")
     ]
 
 
