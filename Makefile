@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.installed
 
-.PHONY: demo test lint types check clean setup
+.PHONY: demo test lint types check acceptance clean setup
 
 demo: setup
 	$(BIN)/echelon demo $(ARGS)
@@ -27,6 +27,10 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[operator,dev]'
 	touch $@
+
+# Every shipped fleet, both laws, 20 seeds in lockstep: about 15 minutes on two cores.
+acceptance: setup
+	$(BIN)/python -m tests.acceptance $(ARGS)
 
 clean:
 	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
