@@ -1,6 +1,7 @@
 """Starting the real commands and finding the processes that belong to one run."""
 
 import os
+import re
 import select
 import signal
 import subprocess
@@ -58,6 +59,11 @@ class Demo:
     def tells(self, text: str) -> bool:
         """Whether it has said so on standard error."""
         return text in self._told.read_text()
+
+    def mission_time_s(self) -> float:
+        """The latest mission time that it has told; 0 before the first."""
+        told = re.findall(r"mission ([0-9.]+) of", self._told.read_text())
+        return float(told[-1]) if told else 0.0
 
     def finish(self) -> tuple[int, str]:
         """Exit code and standard output."""
