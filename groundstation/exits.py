@@ -33,13 +33,17 @@ def bad_input_told(json: bool) -> Iterator[None]:
 
 @contextlib.contextmanager
 def signals_end_it() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the block as Ctrl-C does; exit with the usual codes."""
+    """Let SIGTERM and SIGHUP end the block as Ctrl-C does; exit with the usual codes.
+
+    SIGINT ends it too where a shell that put the command in the background had it ignored.
+    """
 
     def terminate(number: int, _frame: object) -> None:
         raise Terminated(signal.Signals(number).name)
 
     numbers = (signal.SIGTERM, signal.SIGHUP)
     before = {number: signal.signal(number, terminate) for number in numbers}
+    before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     except Terminated as error:

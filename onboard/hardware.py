@@ -15,6 +15,9 @@ from onboard.control.steering import WheelSetpoint
 from onboard.role import Observation, Odometry
 from onboard.safety.observations import DriveSeen
 
+# Both may be 10 ms old: at 4 rad/s that alone is 0.08 rad.
+STEERING_DISAGREEMENT_RAD = 0.15
+
 
 class Hardware:
     """Two drives, the steering encoder and the bearing sensor of one robot."""
@@ -87,6 +90,18 @@ class Hardware:
         if self._steering_rad is None:
             return "steering encoder gives no angle"
         return self.steering.align(self._steering_rad) or self.steering.arm() or self.drive.arm()
+
+    def steering_disagreement(self) -> str | None:
+        """Where steering drive and absolute encoder contradict each other, else None."""
+        if self._steering_rad is None:
+            return None
+        difference_rad = self.steering.difference(self._steering_rad)
+        if difference_rad is None or abs(difference_rad) <= STEERING_DISAGREEMENT_RAD:
+            return None
+        return (
+            f"steering drive and encoder disagree by {abs(difference_rad):.3f} rad, "
+            f"limit {STEERING_DISAGREEMENT_RAD:.3f} rad"
+        )
 
     def command(self, setpoint: WheelSetpoint) -> None:
         """Setpoints of this cycle."""

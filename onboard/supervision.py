@@ -71,6 +71,8 @@ class Supervision:
         self.changed = False
         seen = self._look(at, inputs, observations)
         self.blockers = not_ready(seen, self._settings.failsafe) + self._role.not_ready()
+        if odometry is None and not self.blockers:
+            self.blockers = ["no odometry: the drive or the steering encoder has just gone silent"]
         self._watch(at, seen, inputs.shutdown)
         replies = [self._answer(at, request, odometry) for request in inputs.requests]
         self._follow_state(at)
@@ -92,12 +94,16 @@ class Supervision:
             drive=drive_seen(hardware.drive.feedback, now_s),
             steering=drive_seen(hardware.steering.feedback, now_s),
             encoder_age_s=hardware.encoder.stale_for(now_s),
-            encoder_problem=hardware.encoder.problem(now_s),
+            encoder_problem=hardware.encoder.problem(now_s) or self._disagreement(),
             bus_state=BusState(inputs.bus.state),
             bus_reason=inputs.bus.reason,
             loop_late_s=inputs.late_s,
             estop_by=inputs.estops[-1].operator if inputs.estops else None,
         )
+
+    def _disagreement(self) -> str | None:
+        """Steering drive against encoder; they are aligned when arming begins, not before."""
+        return self._hardware.steering_disagreement() if self.state in POWERED else None
 
     def _watch(self, at: Stamp, seen: Observations, shutdown: bool) -> None:
         """Everything that changes the state without an operator's command."""

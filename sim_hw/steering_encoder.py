@@ -14,7 +14,7 @@ _CLOCK_RANGE_S = 6.5536
 class SteeringEncoder:
     """Reports the true steering angle with white noise, from a random moment after `t_s` on.
 
-    Set `silent` to keep its frames off the bus.
+    Set `silent` to keep its frames off the bus, `slipped_rad` for an encoder that has slipped.
     """
 
     def __init__(
@@ -26,6 +26,7 @@ class SteeringEncoder:
         self._cycle = Cycle(t_s + rng.random() * codec.cycle_time_s, codec.cycle_time_s)
         self._clock = DeviceClock(t_s, rng.random() * _CLOCK_RANGE_S)
         self.silent = False
+        self.slipped_rad = 0.0
 
     @property
     def next_due_s(self) -> float:
@@ -41,7 +42,7 @@ class SteeringEncoder:
             angle_referenced=1,
             fault_magnet=0,
             fault_internal=0,
-            angle=angle_rad + self._std_rad * self._rng.standard_normal(),
+            angle=angle_rad + self.slipped_rad + self._std_rad * self._rng.standard_normal(),
             rate=rate_radps,
             sample_time=self._clock.read_ms(t_s),
         )

@@ -1,6 +1,6 @@
 """The one owner of a robot's CAN bus: python-can behind frames, counters and named states.
 
-The control loop polls `fileno()` and drains with `receive`; there is no thread. Setpoints are
+The control loop drains it with `receive` at every tick; there is no thread. Setpoints are
 never handed to python-can's periodic sending, which would go on while the loop hangs, and a frame
 that could not be sent is dropped and counted, never tried again later. No filter is set, because
 python-can's `recv(0)` says "nothing more" at the first frame that a software filter takes out.
@@ -87,13 +87,6 @@ class CanPort:
         except Exception as error:  # back-ends raise whatever their libraries do
             raise unavailable(interface, channel, error) from error
         return cls(bus)
-
-    def fileno(self) -> int | None:
-        """Descriptor to poll for received frames; None where the interface has none."""
-        try:
-            return self._bus.fileno()
-        except NotImplementedError:
-            return None
 
     def receive(self, now_s: float, wall_s: float) -> list[Frame]:
         """Take what has arrived, without waiting, at most 512 frames.

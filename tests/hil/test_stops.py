@@ -33,6 +33,13 @@ def test_the_drives_own_watchdog_stops_a_robot_whose_process_is_killed() -> None
         )
 
 
+def test_an_encoder_that_contradicts_the_steering_drive_stops_the_robot() -> None:
+    with driving(DEMO) as lockstep:
+        lockstep.simulation.robots["r2"].encoder.slipped_rad = 0.3
+        assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
+        assert "steering drive and encoder disagree" in lockstep.statuses["r2"].reason
+
+
 Break = Callable[[Lockstep], None]
 
 

@@ -126,10 +126,6 @@ def test_extended_frames_are_not_given_and_do_not_end_the_draining(
     assert [frame.can_id for frame in port.receive(7.0, 100.0)] == [0x042]
 
 
-def test_the_in_process_bus_has_no_file_number(port: CanPort) -> None:
-    assert port.fileno() is None
-
-
 def test_a_full_buffer_drops_counts_and_does_not_lose_the_link(scripted: ScriptedBus) -> None:
     port = CanPort(scripted)
     scripted.send_error = can.CanOperationError("Failed to transmit", errno.ENOBUFS)
