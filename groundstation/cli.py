@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from groundstation.exits import NOT_GOOD, bad_input_told, signals_end_it
+from groundstation.study.cli import study_app
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,6 +22,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(study_app, name="study")
 
 FleetName = Annotated[
     str, typer.Option("--fleet", metavar="FLEET", help="Shipped fleet (demo, paper, ...) or file.")
