@@ -41,6 +41,15 @@ class LockstepFailed(Exception):
     """The fleet did not do what the mission needs; the text names the robot and its reason."""
 
 
+class _SentMessage(can.Message):
+    """A message that the virtual bus need not copy: nobody changes it once it is sent."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+
 class Station:
     """One robot's computer: its `Robot`, its port, and the device side of its virtual bus.
 
@@ -216,7 +225,7 @@ class Lockstep:
     def _devices_to_bus(self, name: str, station: Station) -> None:
         for frame in self.simulation.robots[name].collect():
             station.device_bus.send(
-                can.Message(
+                _SentMessage(
                     timestamp=frame.t_s + WALL_OFFSET_S,
                     arbitration_id=frame.can_id,
                     data=frame.data,
