@@ -25,8 +25,8 @@ class Jet(Generic[Scalar]):
     __slots__ = ("degree", "terms")
 
     def __init__(self, degree: int, terms: dict[int, Scalar]) -> None:
-        self.degree = degree
-        self.terms = terms
+        self.degree: int = degree
+        self.terms: dict[int, Scalar] = terms
 
     def __add__(self, other: "Jet[Scalar]") -> "Jet[Scalar]":
         degree = min(self.degree, other.degree)
