@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from config import fleet
 from config.angles import wrap
 from onboard.estimate.beliefs import Innovation, RelativeBelief, RelativePrior
+from onboard.estimate.motion_history import MotionHistory
+from onboard.estimate.range_information import RangeInformation
 from onboard.estimate.relative_model import (
     MIN_RANGE_M,
+    Carry,
     Lever,
     Point,
     advance,
-    carry,
     full_matrix,
     leader_marker_bearings,
     own_marker_bearings,
@@ -30,8 +32,6 @@ from onboard.estimate.relative_ukf import Measure
 from onboard.model.vehicle import WheelMotion
 
 Array = NDArray[np.float64]
-
-_STILL = WheelMotion(0.0, 0.0)
 
 
 class ReferenceFilter:
@@ -48,8 +48,8 @@ class ReferenceFilter:
         self.rejected = 0
         self.rejected_in_a_row = 0
         self._settings = settings
-        self._wheelbases_m = (own_wheelbase_m, leader_wheelbase_m)
-        self._own = self._leader = _STILL
+        self._history = MotionHistory(own_wheelbase_m, leader_wheelbase_m)
+        self._range = RangeInformation(leader_wheelbase_m)
         self._points = MerweScaledSigmaPoints(4, 1.0, 0.0, 0.0, subtract=_difference)
         self._ukf = UnscentedKalmanFilter(
             4,
@@ -83,9 +83,8 @@ class ReferenceFilter:
         return cls(settings, own_wheelbase_m, leader_wheelbase_m, mean, covariance)
 
     def predict(self, dt_s: float, own: WheelMotion, leader: WheelMotion) -> None:
-        """Advance by `dt_s`; `own` and `leader` also carry later bearings back to their capture."""
-        self._own, self._leader = own, leader
-        motion = carry(own, leader, *self._wheelbases_m, dt_s)
+        """Advance by `dt_s`; the motions are kept to carry late bearings back to their capture."""
+        motion = self._history.advance(dt_s, own, leader)
 
         def moved(point: Array, _dt: float) -> Array:
             return np.array(advance([_point(point)], motion)[0])
@@ -93,22 +92,26 @@ class ReferenceFilter:
         noise = full_matrix(process_noise(self._settings, float(self._ukf.x[0]), dt_s))
         self._ukf.Q = np.array(noise).reshape(4, 4)
         self._ukf.predict(fx=moved)
+        heading_std_rad = math.sqrt(float(self._ukf.P[2, 2]))
+        self._range.advance(dt_s, _point(self._ukf.x), heading_std_rad, own, leader)
 
     def update_leader_marker(
         self, bearing_rad: float, std_rad: float, marker: fleet.Point, age_s: float
     ) -> Innovation:
         """Use a bearing (own body frame, captured `age_s` ago) to a marker of the leader."""
-        turn = carry(self._own, self._leader, *self._wheelbases_m, -age_s).leader.turn_rad
-        lever = turned(marker, turn)
-        return self._update(bearing_rad, std_rad, leader_marker_bearings, lever, age_s)
+        motion = self._history.back(age_s)
+        self._range.saw_leader_marker(marker, _point(self._ukf.x))
+        lever = turned(marker, motion.leader.turn_rad)
+        return self._update(bearing_rad, std_rad, leader_marker_bearings, motion, lever)
 
     def update_mutual(
         self, bearing_rad: float, std_rad: float, own_marker: fleet.Point, age_s: float
     ) -> Innovation:
         """Use a bearing that the leader took, in its body frame, to one of the own markers."""
-        turn = carry(self._own, self._leader, *self._wheelbases_m, -age_s).own.turn_rad
-        lever = turned(own_marker, turn)
-        return self._update(bearing_rad, std_rad, own_marker_bearings, lever, age_s)
+        motion = self._history.back(age_s)
+        self._range.saw_own_marker(own_marker, _point(self._ukf.x))
+        lever = turned(own_marker, motion.own.turn_rad)
+        return self._update(bearing_rad, std_rad, own_marker_bearings, motion, lever)
 
     def estimate(self) -> RelativeBelief:
         """The present belief."""
@@ -120,10 +123,9 @@ class ReferenceFilter:
         bearing_rad: float,
         std_rad: float,
         measure: Measure,
+        motion: Carry,
         lever: Lever,
-        age_s: float,
     ) -> Innovation:
-        motion = carry(self._own, self._leader, *self._wheelbases_m, -age_s)
         before = self._ukf.x.copy(), self._ukf.P.copy()
         self._ukf.sigmas_f = self._points.sigma_points(*before)
 
@@ -139,6 +141,8 @@ class ReferenceFilter:
             self.rejected_in_a_row += 1
             return Innovation(residual, nis, False)
         self.rejected_in_a_row = 0
+        if not self._range.available:
+            self._ukf.x[0], self._ukf.P[0, 0] = before[0][0], before[1][0, 0]
         return Innovation(residual, nis, True)
 
 

@@ -7,13 +7,15 @@ taken over wrapped differences to the central point.
 """
 
 from collections.abc import Callable, Iterable
-from math import remainder, tau
+from math import remainder, sqrt, tau
 from typing import Self
 
 from config import fleet
 from config.angles import wrap
 from onboard.estimate.beliefs import Innovation, RelativeBelief, RelativePrior
 from onboard.estimate.cholesky4 import cholesky4
+from onboard.estimate.motion_history import MotionHistory
+from onboard.estimate.range_information import RangeInformation
 from onboard.estimate.relative_model import (
     MIN_RANGE_M,
     Carry,
@@ -21,7 +23,6 @@ from onboard.estimate.relative_model import (
     Lower,
     Point,
     advance,
-    carry,
     full_matrix,
     leader_marker_bearings,
     own_marker_bearings,
@@ -32,8 +33,6 @@ from onboard.estimate.relative_model import (
 from onboard.model.vehicle import WheelMotion
 
 Measure = Callable[[Iterable[Point], Carry, Lever], list[float]]
-
-_STILL = WheelMotion(0.0, 0.0)
 
 
 class RelativeUkf:
@@ -54,10 +53,10 @@ class RelativeUkf:
         self.rejected = 0
         self.rejected_in_a_row = 0
         self._settings = settings
-        self._wheelbases_m = (own_wheelbase_m, leader_wheelbase_m)
+        self._history = MotionHistory(own_wheelbase_m, leader_wheelbase_m)
+        self._range = RangeInformation(leader_wheelbase_m)
         self._mean = mean
         self._variances = variances
-        self._own = self._leader = _STILL
 
     @classmethod
     def from_prior(
@@ -73,10 +72,9 @@ class RelativeUkf:
         return cls(settings, own_wheelbase_m, leader_wheelbase_m, mean, variances)
 
     def predict(self, dt_s: float, own: WheelMotion, leader: WheelMotion) -> None:
-        """Advance by `dt_s`; `own` and `leader` also carry later bearings back to their capture."""
-        self._own, self._leader = own, leader
+        """Advance by `dt_s`; the motions are kept to carry late bearings back to their capture."""
         noise = process_noise(self._settings, self._mean[0], dt_s)
-        motion = self._carry(dt_s)
+        motion = self._history.advance(dt_s, own, leader)
         points = _sigma_points(self._mean, cholesky4(self._variances))
         (_, centre_bearing, centre_heading, _), *moved = advance(points, motion)
         deviations = [
@@ -92,29 +90,29 @@ class RelativeUkf:
         )
         centred = [(r - range_m, b - bearing, h - heading, e - scale) for r, b, h, e in deviations]
         self._variances = _covariance(centred, noise)
+        self._range.advance(dt_s, self._mean, sqrt(self._variances[5]), own, leader)
 
     def update_leader_marker(
         self, bearing_rad: float, std_rad: float, marker: fleet.Point, age_s: float
     ) -> Innovation:
         """Use a bearing (own body frame, captured `age_s` ago) to a marker of the leader."""
-        motion = self._carry(-age_s)
+        motion = self._history.back(age_s)
         lever = turned(marker, motion.leader.turn_rad)
+        self._range.saw_leader_marker(marker, self._mean)
         return self._update(bearing_rad, std_rad, leader_marker_bearings, motion, lever)
 
     def update_mutual(
         self, bearing_rad: float, std_rad: float, own_marker: fleet.Point, age_s: float
     ) -> Innovation:
         """Use a bearing that the leader took, in its body frame, to one of the own markers."""
-        motion = self._carry(-age_s)
+        motion = self._history.back(age_s)
         lever = turned(own_marker, motion.own.turn_rad)
+        self._range.saw_own_marker(own_marker, self._mean)
         return self._update(bearing_rad, std_rad, own_marker_bearings, motion, lever)
 
     def estimate(self) -> RelativeBelief:
         """The present belief."""
         return RelativeBelief(*self._mean, full_matrix(self._variances))
-
-    def _carry(self, dt_s: float) -> Carry:
-        return carry(self._own, self._leader, *self._wheelbases_m, dt_s)
 
     def _update(
         self,
@@ -143,8 +141,9 @@ class RelativeUkf:
         c0, c1, c2, c3 = cross
         m0, m1, m2, m3 = self._mean
         step = residual / variance
+        told = self._range.available
         self._mean = (
-            max(m0 + c0 * step, MIN_RANGE_M),
+            max(m0 + c0 * step, MIN_RANGE_M) if told else m0,
             wrap(m1 + c1 * step),
             wrap(m2 + c2 * step),
             m3 + c3 * step,
@@ -152,7 +151,7 @@ class RelativeUkf:
         k0, k1, k2, k3 = c0 / variance, c1 / variance, c2 / variance, c3 / variance
         p00, p10, p11, p20, p21, p22, p30, p31, p32, p33 = self._variances
         self._variances = (
-            p00 - k0 * c0,
+            p00 - k0 * c0 if told else p00,
             p10 - k1 * c0,
             p11 - k1 * c1,
             p20 - k2 * c0,
