@@ -1,5 +1,6 @@
 """The devices on one robot's bus behind one face: frames in, measurements and frames out."""
 
+from config.angles import wrap
 from config.can.database import CanDatabase
 from config.can.frame import Frame
 from config.can.odrive import ControlMode
@@ -60,7 +61,7 @@ class Hardware:
             self.sensor.on_frame(frame)
         angle_rad = self.encoder.angle_rad
         if angle_rad is not None and self._steering_rad is not None and dt_s > 0:
-            self._rate_radps = (angle_rad - self._steering_rad) / dt_s
+            self._rate_radps = wrap(angle_rad - self._steering_rad) / dt_s
         self._steering_rad = angle_rad
 
     def odometry(self, now_s: float) -> Odometry | None:
@@ -149,9 +150,8 @@ class Hardware:
         body_rad = seen.bearing_rad
         if look.frame == "fork":
             body_rad += (self._steering_rad or 0.0) - age_s * self._rate_radps
-        return Observation(
-            seen.target, seen.bearing_rad, body_rad, seen.std_rad or self._assumed_std_rad, age_s
-        )
+        std_rad = seen.std_rad or self._assumed_std_rad
+        return Observation(seen.target, seen.bearing_rad, wrap(body_rad), std_rad, age_s)
 
 
 def drive_seen(feedback: MotorFeedback, now_s: float) -> DriveSeen:

@@ -1,0 +1,1 @@
+"""Playback of recorded data sets as emulated hardware."""
