@@ -107,18 +107,34 @@ class Localiser(Section):
     start_std_rad: Positive = 0.05
 
 
+class PaperFilter(Section):
+    """The paper's own noise settings (section 4.1, h = 0.03), and an erratum to show.
+
+    `yaw_rate: fork` feeds the rate of the fork's direction, the omega of (3), as yaw rate of (29).
+    """
+
+    process_variance: Positive = 0.03
+    output_variance: Positive = 0.03
+    start_variance: Positive = 1.13
+    yaw_rate: Literal["body", "fork"] = "body"
+
+
 class RelativeFilter(Section):
     """Follower's filter on its leader. `reference` runs the same model on filterpy.
 
-    Process noise densities are per square root of a second.
+    `paper` is the paper's filter: three states, two outputs, and the settings of `paper` instead
+    of the others. Process noise densities are per square root of a second. `start_range_fraction`
+    is how well the range at the start poses is known, as a fraction of it.
     """
 
-    kind: Literal["ukf", "reference"] = "ukf"
+    kind: Literal["ukf", "reference", "paper"] = "ukf"
     position_noise_m: Positive = 0.02
     heading_noise_rad: Positive = 0.02
     speed_scale_noise: Positive = 1e-3
-    speed_scale_start_std: Positive = 0.02
+    speed_scale_start_std: Positive = 0.03
+    start_range_fraction: Annotated[float, Field(gt=0, le=1)] = 0.3
     gate_nis: Positive = 16.0
+    paper: PaperFilter = PaperFilter()
 
 
 class Formation(Section):
@@ -128,14 +144,38 @@ class Formation(Section):
     gain_per_s: Positive = 2.0
 
 
+class Observability(Section):
+    """When what a robot sees is too little to drive on; see docs/mathematics.md, section 5.
+
+    A localising robot judges the bearings of the last `window_s`: the standard deviation that they
+    alone leave in the weakest direction, one radian counting as one metre. A follower judges the
+    deviation of its range as a fraction of the range. A robot that has driven for `hold_s` beyond
+    the limit stops.
+    """
+
+    window_s: Annotated[float, Field(ge=1, le=20)] = 5.0
+    weakest_std_limit_m: Positive = 5.0
+    range_std_limit: Annotated[float, Field(gt=0, le=1)] = 0.15
+    hold_s: Positive = 5.0
+    min_landmarks: Annotated[int, Field(ge=0)] = Field(
+        default=2, description="in view before arming; with fewer, driving cannot fix the pose"
+    )
+
+
 class Failsafe(Section):
-    """Silence that leads to a controlled stop, and how late a loop may be."""
+    """Silence that leads to a controlled stop, how late a loop may be, and how near to the leader.
+
+    A follower falls back where the range's standard deviation exceeds `range_std_fraction` of the
+    range, and stops where the range less three deviations is below `safe_distance_m`.
+    """
 
     leader_timeout_s: Positive = 0.2
     bearing_timeout_s: Positive = 0.3
     drive_heartbeat_timeout_s: Positive = 0.35
     encoder_timeout_s: Positive = 0.05
     loop_late_s: Positive = 0.05
+    safe_distance_m: Positive = 0.2
+    range_std_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15
 
 
 class Loop(Section):
@@ -162,6 +202,7 @@ class Robot(Section):
     localiser: Localiser = Localiser()
     relative_filter: RelativeFilter = RelativeFilter()
     formation: Formation = Formation()
+    observability: Observability = Observability()
     failsafe: Failsafe = Failsafe()
     loop: Loop = Loop()
 
