@@ -4,9 +4,9 @@ Nothing here waits or reads a clock, so a run depends on the fleet file and the 
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 import can
 import msgspec
@@ -22,7 +22,20 @@ from groundstation.formation_tree import start_order
 from onboard.canbus.port import CanPort
 from onboard.robot import Robot
 from onboard.step import Inputs, Outputs, Request
+from sim_hw.dataset.devices import PlaybackRobot
+from sim_hw.dataset.mrclam import DataSetError, Recording, read_recording, robots_in
 from sim_hw.fleet import SimulatedFleet
+
+__all__ = [
+    "DataSetError",
+    "Lockstep",
+    "LockstepFailed",
+    "PlaybackLockstep",
+    "Recording",
+    "read_recording",
+    "robots_in",
+    "run_lockstep",
+]
 
 Record = Callable[[str, bytes, int], None]
 
@@ -50,6 +63,16 @@ class _SentMessage(can.Message):
         return self
 
 
+class Devices(Protocol):
+    """What emulates one robot's hardware on its bus."""
+
+    def collect(self) -> list[Frame]:
+        """Frames sent since the last call."""
+
+    def deliver(self, frame: Frame) -> None:
+        """A frame from the robot's computer."""
+
+
 class Station:
     """One robot's computer: its `Robot`, its port, and the device side of its virtual bus.
 
@@ -74,6 +97,47 @@ class Station:
         """Leave the virtual bus."""
         self.port.close()
         self.device_bus.shutdown()
+
+    def hear_devices(self, devices: Devices) -> None:
+        """Put on the bus what the devices have sent."""
+        for frame in devices.collect():
+            self.device_bus.send(
+                _SentMessage(
+                    timestamp=frame.t_s + WALL_OFFSET_S,
+                    arbitration_id=frame.can_id,
+                    data=frame.data,
+                    is_extended_id=False,
+                    is_remote_frame=frame.remote,
+                )
+            )
+
+    def tell_devices(self, devices: Devices, now_s: float) -> None:
+        """Deliver to the devices what the robot has sent."""
+        while (message := self.device_bus.recv(0)) is not None:
+            frame = Frame(
+                message.arbitration_id, bytes(message.data), now_s, message.is_remote_frame
+            )
+            devices.deliver(frame)
+
+    def step(self, now_s: float, cycle: int) -> list[tuple[Topic, bytes]]:
+        """One step of the robot; returns its messages as they are published."""
+        wall_s = now_s + WALL_OFFSET_S
+        inputs = Inputs(
+            now_s=now_s,
+            wall_s=wall_s,
+            frames=self.port.receive(now_s, wall_s),
+            bus=self.port.health(),
+            loop=LoopHealth(cycle, 0, 0.0, 0.0, 0.0, 0.0, realtime=False),
+            late_s=self.late_s,
+            motions=self.mail,
+            requests=self.requests,
+            estops=self.estops,
+        )
+        self.mail, self.requests, self.estops = [], [], []
+        outputs: Outputs = self.robot.step(inputs)
+        self.port.send(outputs.frames)
+        self.replies |= dict(outputs.replies)
+        return [(topic, encode(message)) for topic, message in outputs.messages]
 
 
 class Lockstep:
@@ -119,10 +183,12 @@ class Lockstep:
         self._publish_truth()
         sent: list[tuple[Topic, str, bytes]] = []
         for name, station in self.stations.items():
-            self._devices_to_bus(name, station)
+            devices = self.simulation.robots[name]
+            station.hear_devices(devices)
             if station.running:
-                sent += [(topic, name, body) for topic, body in self._step(station)]
-            self._bus_to_devices(name, station)
+                messages = station.step(self.now_s, self._ticks)
+                sent += [(topic, name, body) for topic, body in messages]
+            station.tell_devices(devices, self.now_s)
         for topic, name, body in sent:
             self._deliver(topic, name, body)
 
@@ -222,49 +288,6 @@ class Lockstep:
             )
             self._put(topics.TRUTH.key(self.fleet.name, name), encode(message))
 
-    def _devices_to_bus(self, name: str, station: Station) -> None:
-        for frame in self.simulation.robots[name].collect():
-            station.device_bus.send(
-                _SentMessage(
-                    timestamp=frame.t_s + WALL_OFFSET_S,
-                    arbitration_id=frame.can_id,
-                    data=frame.data,
-                    is_extended_id=False,
-                    is_remote_frame=frame.remote,
-                )
-            )
-
-    def _bus_to_devices(self, name: str, station: Station) -> None:
-        simulated = self.simulation.robots[name]
-        while (message := station.device_bus.recv(0)) is not None:
-            simulated.deliver(
-                Frame(
-                    message.arbitration_id,
-                    bytes(message.data),
-                    self.now_s,
-                    message.is_remote_frame,
-                )
-            )
-
-    def _step(self, station: Station) -> list[tuple[Topic, bytes]]:
-        wall_s = self.now_s + WALL_OFFSET_S
-        inputs = Inputs(
-            now_s=self.now_s,
-            wall_s=wall_s,
-            frames=station.port.receive(self.now_s, wall_s),
-            bus=station.port.health(),
-            loop=LoopHealth(self._ticks, 0, 0.0, 0.0, 0.0, 0.0, realtime=False),
-            late_s=station.late_s,
-            motions=station.mail,
-            requests=station.requests,
-            estops=station.estops,
-        )
-        station.mail, station.requests, station.estops = [], [], []
-        outputs: Outputs = station.robot.step(inputs)
-        station.port.send(outputs.frames)
-        station.replies |= dict(outputs.replies)
-        return [(topic, encode(message)) for topic, message in outputs.messages]
-
     def _deliver(self, topic: Topic, name: str, body: bytes) -> None:
         """What Zenoh does: to the recorder, to the followers and to the operator."""
         self._put(topic.key(self.fleet.name, name), body)
@@ -293,3 +316,61 @@ def run_lockstep(
             lockstep.run_for(1.0)
             if progress is not None:
                 progress(max(0.0, limit_s - (end_s - lockstep.now_s)))
+
+
+class PlaybackLockstep:
+    """Robots on recorded devices under virtual time; `hear` gets every message they publish.
+
+    They are never armed: what they do is estimate. `recordings` are by the robots' names.
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        recordings: Mapping[str, Recording],
+        seed: int,
+        hear: Callable[[Topic, str, bytes], None],
+    ) -> None:
+        self.now_s = START_S
+        self._fleet, self._hear = fleet, hear
+        database, run = CanDatabase.load(), next(_run_numbers)
+        self.devices = {
+            name: PlaybackRobot(fleet.robots[name], recording, database, START_S)
+            for name, recording in recordings.items()
+        }
+        self._stations = {
+            name: Station(fleet, name, f"playback-{run}-{name}", seed, database)
+            for name in recordings
+        }
+        self._period_s = 1.0 / max(fleet.robots[name].loop.rate_hz for name in recordings)
+        self._ticks = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave all virtual buses."""
+        for station in self._stations.values():
+            station.close()
+
+    def tick(self) -> None:
+        """Advance everything by one control period."""
+        self._ticks += 1
+        self.now_s = START_S + self._ticks * self._period_s
+        sent: list[tuple[Topic, str, bytes]] = []
+        for name, station in self._stations.items():
+            devices = self.devices[name]
+            devices.advance(self.now_s)
+            station.hear_devices(devices)
+            sent += [(topic, name, body) for topic, body in station.step(self.now_s, self._ticks)]
+            station.tell_devices(devices, self.now_s)
+        for topic, name, body in sent:
+            self._hear(topic, name, body)
+            if topic is topics.MOTION:
+                for follower in self._fleet.followers_of(name):
+                    self._stations[follower].mail.append(msgspec.json.decode(body, type=Motion))

@@ -18,7 +18,7 @@ STEP_S = 0.02
 
 
 class VirtualCar:
-    """Way driven [m] and steering angle [rad] by zero-order hold of the commands.
+    """Way driven [m], steering angle [rad] and speed [m/s] by zero-order hold of the commands.
 
     Starts at `start_s` with the fork straight; before it and after the last command it stands.
     """
@@ -28,11 +28,15 @@ class VirtualCar:
         self._odometry = odometry
         self._t_s = start_s
         self._next = 0
-        self._speed_mps = 0.0
+        self.speed_mps = 0.0
         self._rate_radps = 0.0
         self.way_m = 0.0
         self.steering_rad = 0.0
-        self.body_turned_rad = 0.0
+
+    @property
+    def steering_rate_radps(self) -> float:
+        """d delta/dt now."""
+        return self._rate_radps - self._yaw_rate(self.steering_rad)
 
     def advance(self, t_s: float) -> None:
         """Move on to this time of the recording."""
@@ -40,7 +44,7 @@ class VirtualCar:
             row = self._odometry[self._next]
             self._move(row.t_s)
             last = self._next == len(self._odometry) - 1
-            self._speed_mps = 0.0 if last else row.speed_mps
+            self.speed_mps = 0.0 if last else row.speed_mps
             self._rate_radps = 0.0 if last else row.rate_radps
             self._next += 1
         self._move(t_s)
@@ -56,11 +60,9 @@ class VirtualCar:
 
     def _step(self, dt_s: float) -> None:
         """Midpoint rule on delta; its error per step is far below the encoder's resolution."""
-        per_m = self._speed_mps / self._wheelbase_m
-        middle = self.steering_rad + 0.5 * dt_s * (
-            self._rate_radps - per_m * math.sin(self.steering_rad)
-        )
-        turned = dt_s * per_m * math.sin(middle)
-        self.way_m += dt_s * self._speed_mps
-        self.body_turned_rad += turned
-        self.steering_rad += dt_s * self._rate_radps - turned
+        middle_rad = self.steering_rad + 0.5 * dt_s * self.steering_rate_radps
+        self.way_m += dt_s * self.speed_mps
+        self.steering_rad += dt_s * (self._rate_radps - self._yaw_rate(middle_rad))
+
+    def _yaw_rate(self, steering_rad: float) -> float:
+        return self.speed_mps * math.sin(steering_rad) / self._wheelbase_m
