@@ -66,7 +66,10 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     `heading_rad` is alpha = theta_leader - theta_follower; `speed_scale` is the leader's speed
     error epsilon, its true speed being (1 + epsilon) times the speed it reports, in the follower's
     odometry units. `covariance` is 4 x 4, row by row, (range, bearing, heading, speed scale).
-    `nis` is the normalised innovation squared of the last bearing (1 degree of freedom).
+    `nis` is the normalised innovation squared of the last bearing (1 degree of freedom), `nis_mean`
+    its mean over the last bearings (None while they are too few), and `nis_state` what that says:
+    "filling", "ok", "low" or "high". `range_told` says that something makes the range observable;
+    `range_state` is "ok", "degraded" (the follower falls back) or "stop", `range_reason` why.
     """
 
     robot: str
@@ -77,6 +80,36 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     speed_scale: float
     covariance: list[float]
     nis: float
+    nis_mean: float | None = None
+    nis_low: float = 0.0
+    nis_high: float = 0.0
+    nis_state: str = "filling"
+    range_told: bool = True
+    range_state: str = "ok"
+    range_reason: str = ""
+
+
+class Observability(Message, frozen=True, kw_only=True):
+    """How well a robot's recent geometry lets it know what it estimates.
+
+    `source` is "landmarks" for a robot that localises itself, otherwise its leader's name. `weak`
+    says that the standard deviation `std_m` of the weakest direction (one radian counts as one
+    metre; None is unbounded) is beyond `limit_m`; `direction` names it, `weak_for_s` is how long
+    the robot has been driving so. `singular_value` [1/m^2] is the smallest of the Gramian of the
+    last bearings and `landmarks` are those seen in it; `transverse_mps` is a follower's q, the
+    relative speed across the line of sight.
+    """
+
+    robot: str
+    source: str
+    weak: bool
+    direction: str
+    std_m: float | None
+    limit_m: float
+    weak_for_s: float
+    singular_value: float | None
+    landmarks: list[int]
+    transverse_mps: float | None
 
 
 class LoopHealth(msgspec.Struct, frozen=True):

@@ -8,17 +8,19 @@ from config.messages import Message, Motion, RelativeEstimate
 from config.topics import RELATIVE, Topic
 from onboard.control.formation import desired_velocity
 from onboard.control.steering import WheelController, WheelSetpoint
-from onboard.estimate.beliefs import RelativeFilter, RelativePrior
+from onboard.estimate.beliefs import Innovation, RelativeFilter, RelativePrior
 from onboard.estimate.factory import make_relative_filter
+from onboard.estimate.observability_monitor import RangeMonitor
+from onboard.estimate.nis_watch import NisWatch
 from onboard.model.vehicle import WheelMotion
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen
+from onboard.safety.range_watch import RangeWatch, unobservable
 
 STANDING_MPS = 0.02
 SETTLED_RANGE_FRACTION = 0.1
 LOST_AFTER_REJECTIONS = 100
 # The start poses of the fleet file are a rough guess of where people put the robots.
-PRIOR_RANGE_FRACTION = 0.3
 PRIOR_BEARING_STD_RAD = 0.3
 PRIOR_HEADING_STD_RAD = 0.3
 
@@ -41,6 +43,9 @@ class Follower:
         self._used_sighting_ns = 0
         self._driving = False
         self._nis = 0.0
+        self.observability = RangeMonitor(self._robot, self._leader, self._leader_name)
+        self._nis_watch = NisWatch()
+        self._range_watch = RangeWatch(self._robot, self._leader_name, self._offset)
 
     def hear(self, motion: Motion) -> None:
         """Keep the leader's newest message."""
@@ -58,8 +63,9 @@ class Follower:
         motion = self._motion
         if motion is None:
             return
-        if self._filter is None or (not self._driving and self.estimate_problem() is not None):
+        if self._filter is None or (not self._driving and self._lost() is not None):
             self._filter = self._new_filter()
+            self._nis_watch = NisWatch()
         self._filter.predict(
             dt_s,
             WheelMotion(odometry.speed_mps, odometry.steering_rad),
@@ -68,11 +74,20 @@ class Follower:
         for seen in observations:
             marker = self._leader_markers.get(seen.marker)
             if marker is not None:
-                innovation = self._filter.update_leader_marker(
-                    seen.body_rad, seen.std_rad, marker, seen.age_s
+                self._count(
+                    self._filter.update_leader_marker(
+                        seen.body_rad, seen.std_rad, marker, seen.age_s
+                    )
                 )
-                self._nis = innovation.nis
         self._use_sightings(self._filter, motion, at)
+        self.observability.observe(dt_s, odometry, self._leader_wheel, self._filter.estimate)
+        if self._driving:
+            belief, told = self._filter.estimate(), self._filter.range_told
+            self._range_watch.look(dt_s, belief, told, odometry.speed_mps)
+
+    def _count(self, innovation: Innovation) -> None:
+        self._nis = innovation.nis
+        self._nis_watch.add(innovation)
 
     def _new_filter(self) -> RelativeFilter:
         return make_relative_filter(
@@ -91,13 +106,16 @@ class Follower:
             if seen.target != self._name or marker is None or seen.t_ns <= self._used_sighting_ns:
                 continue
             age_s = at.wall_s - (seen.t_ns + clock_offset_ns) * 1e-9
-            estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, max(0.0, age_s))
+            self._count(
+                estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, max(0.0, age_s))
+            )
             newest_ns = max(newest_ns, seen.t_ns)
         self._used_sighting_ns = newest_ns
 
     def start(self, steering_rad: float) -> None:
         """Wait for the leader to move."""
         self._driving = False
+        self._range_watch.reset()
 
     def finish(self) -> None:
         """Stop following; the filter goes on."""
@@ -114,7 +132,7 @@ class Follower:
             return wheels.stop(dt_s)
         wanted = desired_velocity(
             self._robot.formation,
-            self._offset,
+            self._range_watch.place,
             estimator.estimate(),
             self._leader_wheel,
             self._leader.vehicle.wheelbase_m,
@@ -149,6 +167,11 @@ class Follower:
         return LeaderSeen(self._leader_name, age_s, motion.state, problem)
 
     def estimate_problem(self) -> str | None:
+        """The leader is lost, or the range or the filter's own claims are not to be trusted."""
+        too_near = self._range_watch.problem if self._driving else None
+        return self._lost() or too_near or self._nis_watch.problem()
+
+    def _lost(self) -> str | None:
         """The filter has lost the leader where it believes none of its bearings any more."""
         rejected = 0 if self._filter is None else self._filter.rejected_in_a_row
         if rejected < LOST_AFTER_REJECTIONS:
@@ -165,11 +188,13 @@ class Follower:
         belief = self._filter.estimate()
         limit_m = SETTLED_RANGE_FRACTION * belief.range_m
         if belief.range_std_m > limit_m:
+            cause = "" if self._filter.range_told else f"; {unobservable(self._leader_name)}"
             return [
                 f"range to {self._leader_name} not settled: "
-                f"standard deviation {belief.range_std_m:.3f} m, limit {limit_m:.3f} m"
+                f"standard deviation {belief.range_std_m:.3f} m, limit {limit_m:.3f} m{cause}"
             ]
-        return []
+        problems = self._range_watch.too_near(belief), self._nis_watch.problem()
+        return [problem for problem in problems if problem is not None]
 
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
         """Where the leader is believed to be."""
@@ -188,6 +213,13 @@ class Follower:
             speed_scale=belief.speed_scale,
             covariance=list(belief.covariance),
             nis=self._nis,
+            nis_mean=self._nis_watch.mean,
+            nis_low=self._nis_watch.limits.low,
+            nis_high=self._nis_watch.limits.high,
+            nis_state=self._nis_watch.state,
+            range_told=self._filter.range_told,
+            range_state=self._range_watch.state,
+            range_reason=self._range_watch.reason,
         )
 
 
@@ -197,7 +229,7 @@ def expected_start(robot: Robot, leader: Robot) -> RelativePrior:
     range_m = math.hypot(dx_m, dy_m)
     return RelativePrior(
         range_m=range_m,
-        range_std_m=PRIOR_RANGE_FRACTION * range_m,
+        range_std_m=robot.relative_filter.start_range_fraction * range_m,
         bearing_rad=wrap(math.atan2(dy_m, dx_m) - robot.start.heading_rad),
         bearing_std_rad=PRIOR_BEARING_STD_RAD,
         heading_rad=wrap(leader.start.heading_rad - robot.start.heading_rad),

@@ -49,7 +49,10 @@ class RelativePrior(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What one bearing did: measured minus predicted, its square normalised by its variance."""
+    """What one bearing did: measured minus predicted, its square normalised by its variance.
+
+    `accepted` is False where the gate refused the bearing or the filter has no use for it.
+    """
 
     residual_rad: float
     nis: float
@@ -57,10 +60,14 @@ class Innovation(NamedTuple):
 
 
 class RelativeFilter(Protocol):
-    """A follower's filter on its leader; every implementation gives the same numbers."""
+    """A follower's filter on its leader; kinds `ukf` and `reference` give the same numbers."""
 
     rejected: int
     rejected_in_a_row: int
+
+    @property
+    def range_told(self) -> bool:
+        """Whether anything makes the range observable at present."""
 
     def predict(self, dt_s: float, own: WheelMotion, leader: WheelMotion) -> None:
         """Advance by `dt_s` with the measured own motion and the leader's reported one."""

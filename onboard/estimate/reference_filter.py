@@ -82,6 +82,11 @@ class ReferenceFilter:
         covariance = np.array(full_matrix(prior_variances(settings, prior))).reshape(4, 4)
         return cls(settings, own_wheelbase_m, leader_wheelbase_m, mean, covariance)
 
+    @property
+    def range_told(self) -> bool:
+        """Whether anything makes the range observable at present."""
+        return self._range.available
+
     def predict(self, dt_s: float, own: WheelMotion, leader: WheelMotion) -> None:
         """Advance by `dt_s`; the motions are kept to carry late bearings back to their capture."""
         motion = self._history.advance(dt_s, own, leader)

@@ -71,6 +71,11 @@ class RelativeUkf:
         variances = prior_variances(settings, prior)
         return cls(settings, own_wheelbase_m, leader_wheelbase_m, mean, variances)
 
+    @property
+    def range_told(self) -> bool:
+        """Whether anything makes the range observable at present."""
+        return self._range.available
+
     def predict(self, dt_s: float, own: WheelMotion, leader: WheelMotion) -> None:
         """Advance by `dt_s`; the motions are kept to carry late bearings back to their capture."""
         noise = process_noise(self._settings, self._mean[0], dt_s)
