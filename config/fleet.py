@@ -149,11 +149,13 @@ class Observability(Section):
 
     A localising robot judges the bearings of the last `window_s`: the standard deviation that they
     alone leave in the weakest direction, one radian counting as one metre. One that has driven for
-    `hold_s` beyond the limit stops.
+    `hold_s` beyond the limit stops. A follower falls back where the range's standard deviation
+    exceeds `range_std_limit` of the range.
     """
 
     window_s: Annotated[float, Field(ge=1, le=20)] = 5.0
     weakest_std_limit_m: Positive = 5.0
+    range_std_limit: Annotated[float, Field(gt=0, le=1)] = 0.15
     hold_s: Positive = 5.0
     min_landmarks: Annotated[int, Field(ge=0)] = Field(
         default=2, description="in view before arming; with fewer, driving cannot fix the pose"
@@ -163,7 +165,8 @@ class Observability(Section):
 class Failsafe(Section):
     """Silence that leads to a controlled stop, how late a loop may be, and how near to the leader.
 
-    A follower stops where the range less three standard deviations is below `safe_distance_m`.
+    A follower falls back where the range's standard deviation exceeds `range_std_fraction` of the
+    range, and stops where the range less three deviations is below `safe_distance_m`.
     """
 
     leader_timeout_s: Positive = 0.2
@@ -172,6 +175,7 @@ class Failsafe(Section):
     encoder_timeout_s: Positive = 0.05
     loop_late_s: Positive = 0.05
     safe_distance_m: Positive = 0.2
+    range_std_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15
 
 
 class Loop(Section):

@@ -32,14 +32,14 @@ class RangeState(StrEnum):
 class RangeWatch:
     """Judges beliefs while the robot drives, and says where the commanded place is by now.
 
-    The limits are the robot's `observability.range_std_limit` and `failsafe.safe_distance_m`.
+    The limits are the robot's `failsafe.range_std_fraction` and `failsafe.safe_distance_m`.
     """
 
     def __init__(self, robot: Robot, leader: str, offset: Point) -> None:
         self.state = RangeState.OK
         self.reason = ""
         self._leader, self._offset = leader, offset
-        self._std_limit = robot.observability.range_std_limit
+        self._std_limit = robot.failsafe.range_std_fraction
         self._safe_m = robot.failsafe.safe_distance_m
         self._extra_m = 0.0
 
