@@ -38,7 +38,14 @@ ESTOP = Topic("estop", "echelon/{fleet}/all/estop", messages.Estop)
 COMMAND = Topic("command", "echelon/{fleet}/{robot}/command", messages.Command, recorded=False)
 TRUTH = Topic("truth", "truth/{fleet}/{robot}/pose", messages.Truth, 100.0, 0.2)
 
-PUBLISHED: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, ESTOP, TRUTH)
+OBSERVABILITY = Topic(
+    "observability", "echelon/{fleet}/{robot}/observability", messages.Observability, 5.0, 1.0
+)
+
+ROBOTS_OWN: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, OBSERVABILITY)
+"""What every robot publishes."""
+
+PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, ESTOP, TRUTH)
 
 
 def liveliness_key(fleet: str, process: str) -> str:

@@ -10,8 +10,8 @@ from onboard.control.formation import desired_velocity
 from onboard.control.steering import WheelController, WheelSetpoint
 from onboard.estimate.beliefs import Innovation, RelativeFilter, RelativePrior
 from onboard.estimate.factory import make_relative_filter
-from onboard.estimate.observability_monitor import RangeMonitor
 from onboard.estimate.nis_watch import NisWatch
+from onboard.estimate.observability_monitor import RangeMonitor
 from onboard.model.vehicle import WheelMotion
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen

@@ -6,6 +6,7 @@ from config.topics import POSE, Topic
 from onboard.control.schedule import LeaderReference, VelocityPlan
 from onboard.control.steering import WheelController, WheelSetpoint
 from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser, UpdateOutcome
+from onboard.estimate.observability_monitor import LandmarkMonitor
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen
 
@@ -24,6 +25,7 @@ class Leader:
         self._localiser: ParticleLocaliser | None = None
         self._diverged_looks = 0
         self._reference: LeaderReference | None = None
+        self.observability = LandmarkMonitor(self._robot, self._landmarks)
 
     def hear(self, motion: Motion) -> None:
         """A leader needs nothing from its followers."""
@@ -42,6 +44,7 @@ class Leader:
                 if seen.marker in self._landmarks
             ]
         )
+        self.observability.observe(dt_s, odometry, observations, self._localiser.estimate)
         if result.outcome is UpdateOutcome.DIVERGED:
             self._diverged_looks += 1
         elif result.outcome is not UpdateOutcome.NO_BEARINGS:

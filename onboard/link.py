@@ -47,7 +47,7 @@ class Link:
         )
         self._publishers = {
             topic.name: self._session.declare_publisher(topic.key(fleet.name, name))
-            for topic in (topics.MOTION, topics.POSE, topics.RELATIVE, topics.STATUS, topics.EVENT)
+            for topic in topics.ROBOTS_OWN
         }
         self._token = self._session.liveliness().declare_token(
             topics.liveliness_key(fleet.name, name)

@@ -144,6 +144,7 @@ class Robot:
             ],
         )
         telemetry.estimate(self._role)
+        telemetry.observability(self._role.observability)
         telemetry.status(
             state=supervision.state,
             reason=supervision.reason,

@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol
 from config.messages import Message, Motion
 from config.topics import Topic
 from onboard.control.steering import WheelController, WheelSetpoint
+from onboard.estimate.observability_monitor import ObservabilityMonitor
 from onboard.safety.observations import LeaderSeen
 
 
@@ -38,6 +39,10 @@ class Stamp(NamedTuple):
 
 class Role(Protocol):
     """Estimation and control of a leader or a follower."""
+
+    @property
+    def observability(self) -> ObservabilityMonitor:
+        """Whether the recent geometry lets the robot know what it estimates."""
 
     def hear(self, motion: Motion) -> None:
         """Take in a message from another robot."""

@@ -70,7 +70,8 @@ class Supervision:
         """Judge this cycle, change state where needed, answer the operator."""
         self.changed = False
         seen = self._look(at, inputs, observations)
-        self.blockers = not_ready(seen, self._settings.failsafe) + self._role.not_ready()
+        unready = self._role.not_ready() + self._role.observability.not_ready()
+        self.blockers = not_ready(seen, self._settings.failsafe) + unready
         if odometry is None and not self.blockers:
             self.blockers = ["no odometry: the drive or the steering encoder has just gone silent"]
         self._watch(at, seen, inputs.shutdown)
@@ -90,7 +91,7 @@ class Supervision:
             leader=self._role.leader_seen(at),
             bearing_age_s=None if self._bearing_s is None else now_s - self._bearing_s,
             bearing_problem=hardware.sensor.problem(now_s),
-            estimate_problem=self._role.estimate_problem(),
+            estimate_problem=self._role.estimate_problem() or self._role.observability.problem(),
             drive=drive_seen(hardware.drive.feedback, now_s),
             steering=drive_seen(hardware.steering.feedback, now_s),
             encoder_age_s=hardware.encoder.stale_for(now_s),

@@ -8,10 +8,12 @@ from config.messages import (
     LoopHealth,
     Message,
     Motion,
+    Observability,
     Sighting,
     Status,
 )
 from config.topics import Topic
+from onboard.estimate.observability_monitor import ObservabilityMonitor
 from onboard.role import Odometry, Role, Stamp
 
 # A tick may come a little early; half a period of the fastest topic is slack enough.
@@ -27,6 +29,7 @@ class Telemetry:
         self._next_s: dict[str, float] = {}
         self._out: list[tuple[Topic, Message]] = []
         self._at = Stamp(0.0, 0.0)
+        self._degraded = False
 
     def begin(self, at: Stamp) -> None:
         """Messages made from now on are stamped with this instant."""
@@ -79,6 +82,32 @@ class Telemetry:
         if report is not None:
             self._seq["estimate"] = self._seq.get("estimate", 0) + 1
             self._out.append(report)
+
+    def observability(self, monitor: ObservabilityMonitor) -> None:
+        """The monitor's finding at its topic's rate; an event where it begins to be a worry."""
+        finding = monitor.finding
+        if finding is None or not self._due(topics.OBSERVABILITY):
+            return
+        if monitor.degraded and not self._degraded:
+            self.event("warning", f"weakly observable: {finding}")
+        self._degraded = monitor.degraded
+        seq, t_ns, wall_ns = self._head(topics.OBSERVABILITY)
+        message = Observability(
+            seq=seq,
+            t_ns=t_ns,
+            wall_ns=wall_ns,
+            robot=self._name,
+            source=finding.source,
+            weak=finding.weak,
+            direction=finding.direction,
+            std_m=finding.std_m,
+            limit_m=finding.limit_m,
+            weak_for_s=monitor.weak_for_s,
+            singular_value=finding.singular_value,
+            landmarks=list(finding.landmarks),
+            transverse_mps=finding.transverse_mps,
+        )
+        self._out.append((topics.OBSERVABILITY, message))
 
     def status(
         self,

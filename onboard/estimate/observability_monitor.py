@@ -1,26 +1,21 @@
 """Whether a robot's recent geometry lets it know where it is, watched while it drives.
 
 A robot among landmarks judges the local Gramian of the bearings that it received in the last
-seconds; a follower judges the range deviation of its filter and the transverse speed q, without
-which one bearing tells no range. A robot that stands loses nothing, so the time for which it is
-weak counts only while it moves, and a known start pose carries it until then.
+seconds. A robot that stands loses nothing, so the time for which it is weak counts only while it
+moves, and a known start pose carries it until then. A follower tells the deviation of its range
+and the transverse speed q, without which one bearing tells no range; what to do about a range that
+is lost is `onboard.safety.range_watch`'s.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
-from typing import Literal, NamedTuple, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, Protocol
 
 from config import fleet
 from onboard.estimate.weak_direction import in_words
 from onboard.model.relative import RelativeState, transverse_speed
 from onboard.model.vehicle import WheelMotion
-from onboard.model.window_gramian import (
-    PATH_START,
-    Look,
-    carried_on,
-    weakness,
-    window_gramian,
-)
+from onboard.model.window_gramian import PATH_START, Look, carried_on, weakness, window_gramian
 
 LOOKS = 20
 """A window is cut into so many stretches; bearings of one count as taken in one place."""
@@ -77,6 +72,24 @@ class ObservabilityMonitor(Protocol):
         """What speaks against arming."""
 
 
+class _Motion(Protocol):
+    """The part of the odometry that the geometry needs."""
+
+    @property
+    def speed_mps(self) -> float: ...
+    @property
+    def steering_rad(self) -> float: ...
+
+
+class _Seen(Protocol):
+    """The part of an observation that the geometry needs."""
+
+    @property
+    def marker(self) -> int: ...
+    @property
+    def std_rad(self) -> float: ...
+
+
 class _Pose(Protocol):
     """The part of a pose belief that the geometry needs."""
 
@@ -112,20 +125,8 @@ class _Hold:
 
     @property
     def degraded(self) -> bool:
+        """Weak for long enough to tell people."""
         return self.weak_for_s > WARN_AFTER_HOLD_FRACTION * self._settings.hold_s
-
-    def problem(self) -> str | None:
-        limit_s = self._settings.hold_s
-        if self.finding is None or self.weak_for_s <= limit_s:
-            return None
-        return (
-            f"unobservable for {self.weak_for_s:.1f} s of driving, limit {limit_s:.1f} s: "
-            f"{self.finding}"
-        )
-
-    def not_ready(self) -> list[str]:
-        problem = self.problem()
-        return [] if problem is None else [problem]
 
     def _advance(self, dt_s: float, speed_mps: float) -> bool:
         """Count; True where it is time to judge."""
@@ -146,57 +147,63 @@ class _Hold:
 class LandmarkMonitor(_Hold):
     """Of a robot that localises itself: see the module. `landmarks` maps ids to (x, y) [m]."""
 
-    def __init__(
-        self,
-        settings: fleet.Observability,
-        wheelbase_m: float,
-        mounting: Literal["body", "fork"],
-        landmarks: Mapping[int, tuple[float, float]],
-    ) -> None:
-        super().__init__(settings)
-        self._wheelbase_m = wheelbase_m
-        self._mounting: Literal["body", "fork"] = mounting
+    def __init__(self, robot: fleet.Robot, landmarks: Mapping[int, tuple[float, float]]) -> None:
+        super().__init__(robot.observability)
+        self._wheelbase_m = robot.vehicle.wheelbase_m
+        self._mounting = robot.bearing_sensor.mounting
         self._landmarks = landmarks
         self._path = PATH_START
         self._looks: deque[Look] = deque(maxlen=LOOKS)
-        self._look_s = settings.window_s / LOOKS
+        self._look_s = robot.observability.window_s / LOOKS
         self._look_age_s = 0.0
         self._information: dict[int, float] = {}
 
     def observe(
         self,
         dt_s: float,
-        motion: WheelMotion,
-        bearings: Iterable[tuple[int, float]],
+        motion: _Motion,
+        bearings: Sequence[_Seen],
         pose: Callable[[], _Pose | None],
     ) -> None:
-        """One cycle: the motion of the last `dt_s` and the bearings used, as (landmark, std).
+        """One cycle: the motion of the last `dt_s` and the bearings that came in.
 
         `pose` is asked for the present pose when it is time to judge; None postpones that.
         """
-        self._path = carried_on(self._path, motion, self._wheelbase_m, dt_s)
+        wheel = WheelMotion(motion.speed_mps, motion.steering_rad)
+        self._path = carried_on(self._path, wheel, self._wheelbase_m, dt_s)
         information = self._information
-        for mark, std_rad in bearings:
-            if mark in self._landmarks:
-                information[mark] = information.get(mark, 0.0) + 1.0 / (std_rad * std_rad)
+        for seen in bearings:
+            if seen.marker in self._landmarks:
+                weight = 1.0 / (seen.std_rad * seen.std_rad)
+                information[seen.marker] = information.get(seen.marker, 0.0) + weight
         self._look_age_s += dt_s
         if self._look_age_s >= self._look_s - dt_s / 2:
-            self._end_look()
-        if self._advance(dt_s, motion.speed_mps) and (at := pose()) is not None:
+            self._looks.append(Look(self._path, information))
+            self._information, self._look_age_s = {}, 0.0
+        if self._advance(dt_s, motion.speed_mps) and self._looks and (at := pose()) is not None:
             self._judge(at)
 
-    def not_ready(self) -> list[str]:
-        """Too few landmarks: driving would not make the weak direction observable either."""
-        found, needed = self.finding, self._settings.min_landmarks
-        if found is None or len(found.landmarks) >= needed:
-            return super().not_ready()
-        ids = ", ".join(str(mark) for mark in found.landmarks) or "none"
-        few = f"landmarks in view: {ids}; {needed} needed, or driving leaves unobservable: "
-        return [f"{few}{found.direction}", *super().not_ready()]
+    def problem(self) -> str | None:
+        """Why the robot must not drive on, or None."""
+        limit_s = self._settings.hold_s
+        if self.finding is None or self.weak_for_s <= limit_s:
+            return None
+        return (
+            f"unobservable for {self.weak_for_s:.1f} s of driving, limit {limit_s:.1f} s "
+            f"(observability.hold_s): {self.finding}"
+        )
 
-    def _end_look(self) -> None:
-        self._looks.append(Look(self._path, self._information))
-        self._information, self._look_age_s = {}, 0.0
+    def not_ready(self) -> list[str]:
+        """Driven blind, or too few landmarks to change that by driving."""
+        problem, found, needed = self.problem(), self.finding, self._settings.min_landmarks
+        reasons = [] if problem is None else [problem]
+        if found is not None and len(found.landmarks) < needed:
+            ids = ", ".join(str(mark) for mark in found.landmarks) or "none"
+            reasons.append(
+                f"landmarks in view: {ids}; {needed} needed (observability.min_landmarks), or "
+                f"driving leaves unobservable: {found.direction}"
+            )
+        return reasons
 
     def _judge(self, at: _Pose) -> None:
         place = (at.x_m, at.y_m)
@@ -223,32 +230,37 @@ class LandmarkMonitor(_Hold):
 class RangeMonitor(_Hold):
     """Of a follower: see the module."""
 
-    def __init__(
-        self, settings: fleet.Observability, leader: str, leader_wheelbase_m: float
-    ) -> None:
-        super().__init__(settings)
-        self._leader, self._leader_wheelbase_m = leader, leader_wheelbase_m
+    def __init__(self, robot: fleet.Robot, leader: fleet.Robot, leader_name: str) -> None:
+        super().__init__(robot.observability)
+        self._leader_name = leader_name
+        self._leader_wheelbase_m = leader.vehicle.wheelbase_m
+        self._limit = robot.observability.range_std_limit
 
     def observe(
-        self,
-        dt_s: float,
-        own: WheelMotion,
-        leader: WheelMotion,
-        belief: Callable[[], _Relative],
+        self, dt_s: float, own: _Motion, leader: WheelMotion, belief: Callable[[], _Relative]
     ) -> None:
         """One cycle: both robots' motions; `belief` is asked for when it is time to judge."""
         if not self._advance(dt_s, own.speed_mps):
             return
         seen = belief()
         state = RelativeState(seen.range_m, seen.bearing_rad, seen.heading_rad)
-        limit_m = self._settings.range_std_limit * seen.range_m
+        wheel = WheelMotion(own.speed_mps, own.steering_rad)
+        limit_m = self._limit * seen.range_m
         self._judged(
             Finding(
-                source=self._leader,
+                source=self._leader_name,
                 weak=seen.range_std_m > limit_m,
-                direction=f"range to {self._leader}",
+                direction=f"range to {self._leader_name}",
                 std_m=seen.range_std_m,
                 limit_m=limit_m,
-                transverse_mps=transverse_speed(state, leader, own, self._leader_wheelbase_m),
+                transverse_mps=transverse_speed(state, leader, wheel, self._leader_wheelbase_m),
             )
         )
+
+    def problem(self) -> str | None:
+        """None: falling back and stopping is the range watch's."""
+        return None
+
+    def not_ready(self) -> list[str]:
+        """Nothing: the follower itself waits for its range to settle."""
+        return []

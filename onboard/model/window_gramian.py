@@ -95,29 +95,38 @@ def window_gramian(
 
     The path's end is hung on the robot's present place and heading.
     """
+    gramian: Array = np.zeros((4, 4))
+    gramian[3, 3] = 1.0 / ENCODER_STD_RAD**2
+    sights = [
+        (row, *landmarks[mark], weight)
+        for row, look in enumerate(looks)
+        for mark, weight in look.information.items()
+    ]
+    if sights:
+        index, mark_x, mark_y, weight = np.array(sights).T
+        px, py, bx, by, back = _back_to(looks, here, heading_rad)[:, index.astype(np.intp)]
+        dx, dy = px + (place_m[0] - mark_x), py + (place_m[1] - mark_y)
+        square = dx * dx + dy * dy
+        nx, ny = -dy / square, dx / square
+        fork = 1.0 if mounting == "fork" else 0.0
+        rows = np.stack((nx, ny, ny * px - nx * py - 1.0, nx * bx + ny * by - back - fork))
+        gramian += (rows * weight) @ rows.T
+    return gramian
+
+
+def _back_to(looks: Sequence[Look], here: PathPoint, heading_rad: float) -> Array:
+    """From the path's end back to every look, columns, in world axes.
+
+    Rows: the place (x, y); what a unit error of the steering angle at the end makes of the place
+    (x, y) and of the heading.
+    """
+    x, y, _, lever, bend_x, bend_y = np.array([look.at for look in looks]).T
+    px, py, back = x - here.x_m, y - here.y_m, lever - here.lever
+    bx = bend_x - here.bend_x_m + here.lever * py
+    by = bend_y - here.bend_y_m - here.lever * px
     turn = heading_rad - here.heading_rad
     c, s = math.cos(turn), math.sin(turn)
-    fork = 1.0 if mounting == "fork" else 0.0
-    rows, weights = [], []
-    for (x, y, _, lever, bend_x, bend_y), information in looks:
-        # From the end back to the look: path difference, then what errors at the end make there.
-        px, py, back = x - here.x_m, y - here.y_m, lever - here.lever
-        bx = bend_x - here.bend_x_m + here.lever * py
-        by = bend_y - here.bend_y_m - here.lever * px
-        px, py, bx, by = c * px - s * py, s * px + c * py, c * bx - s * by, s * bx + c * by
-        for mark, known in information.items():
-            mark_x, mark_y = landmarks[mark]
-            dx, dy = place_m[0] + px - mark_x, place_m[1] + py - mark_y
-            square = dx * dx + dy * dy
-            nx, ny = -dy / square, dx / square
-            rows.append((nx, ny, ny * px - nx * py - 1.0, nx * bx + ny * by - back - fork))
-            weights.append(known)
-    gramian: Array = np.zeros((4, 4))
-    if rows:
-        matrix = np.array(rows)
-        gramian = (matrix.T * np.array(weights)) @ matrix
-    gramian[3, 3] += 1.0 / ENCODER_STD_RAD**2
-    return gramian
+    return np.stack((c * px - s * py, s * px + c * py, c * bx - s * by, s * bx + c * by, back))
 
 
 def weakness(gramian: Array) -> Weakness:
