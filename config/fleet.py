@@ -149,13 +149,11 @@ class Observability(Section):
 
     A localising robot judges the bearings of the last `window_s`: the standard deviation that they
     alone leave in the weakest direction, one radian counting as one metre. One that has driven for
-    `hold_s` beyond the limit stops. A follower falls back where the range's standard deviation
-    exceeds `range_std_limit` of the range.
+    `hold_s` beyond the limit stops. A follower's range is the failsafe section's matter.
     """
 
     window_s: Annotated[float, Field(ge=1, le=20)] = 5.0
     weakest_std_limit_m: Positive = 5.0
-    range_std_limit: Annotated[float, Field(gt=0, le=1)] = 0.15
     hold_s: Positive = 5.0
     min_landmarks: Annotated[int, Field(ge=0)] = Field(
         default=2, description="in view before arming; with fewer, driving cannot fix the pose"
