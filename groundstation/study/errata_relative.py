@@ -5,9 +5,9 @@ Law and plant use true values, without noise; only what is predicted or filtered
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-from config.fleet import Point, Robot
+from config.fleet import PaperFilter, Point, RelativeFilter, Robot
 from groundstation.study.effect import Effect
 from groundstation.study.literal_law import Rates, predict, printed_rates
 from groundstation.study.scenario import DT_S, Car, paper_fleet, planned_inputs, relative_truth
@@ -16,7 +16,7 @@ from onboard.control.steering import WheelSetpoint
 from onboard.estimate.beliefs import RelativeBelief, RelativePrior
 from onboard.estimate.factory import make_relative_filter
 from onboard.model.relative import RelativeState, rear_axle_rates
-from onboard.model.vehicle import AxleMotion, WheelMotion, axle_motion, wheel_motion
+from onboard.model.vehicle import WheelMotion, axle_motion
 
 GAIN_PER_S = 2.0
 JUDGED_FROM_S = 3.0
@@ -25,13 +25,13 @@ PREDICTED_S = 1.0
 
 
 class Moment(NamedTuple):
-    """Both cars (the same objects at every moment), and how fast each fork turns in the world."""
+    """Both cars after a step (the same objects at every moment), and their motions during it."""
 
     time_s: float
     own: Car
     leader: Car
-    own_fork_rate_radps: float
-    leader_fork_rate_radps: float
+    own_motion: WheelMotion
+    leader_motion: WheelMotion
 
 
 def fork_rate_input() -> Effect:
@@ -39,12 +39,12 @@ def fork_rate_input() -> Effect:
     return Effect(
         "fork-rate-input",
         "(29)-(38)",
-        "omega of (3), the fork's rate, as yaw rate",
+        "omega of (3), the fork's rate, as yaw rate of the paper's filter",
         "yaw rate v sin(delta)/d",
         "largest direction-angle error at the switchings, no noise",
         "rad",
-        _peak_heading_error(mixed=True),
-        _peak_heading_error(mixed=False),
+        _peak_heading_error("fork"),
+        _peak_heading_error("body"),
     )
 
 
@@ -73,18 +73,19 @@ def _moments() -> Iterator[Moment]:
     for step, inputs in enumerate(plan):
         belief = RelativeBelief(*relative_truth(own, leader), 0.0, ())
         wanted = leader_frame_velocity(belief, leader.motion, d, me.offset, GAIN_PER_S)
-        forks = own.state.fork_rad, leader.state.fork_rad
+        before = own.motion.steering_rad, leader.motion.steering_rad
         leader.apply(inputs)
         own.drive(
             WheelSetpoint(math.atan2(wanted.left_mps, wanted.forward_mps), math.hypot(*wanted))
         )
         yield Moment(
-            (step + 1) * DT_S,
-            own,
-            leader,
-            (own.state.fork_rad - forks[0]) / DT_S,
-            (leader.state.fork_rad - forks[1]) / DT_S,
+            (step + 1) * DT_S, own, leader, _during(own, before[0]), _during(leader, before[1])
         )
+
+
+def _during(car: Car, steering_before_rad: float) -> WheelMotion:
+    """The speed holds for a step; of the fork's angles at its two ends, the mean."""
+    return WheelMotion(car.speed_mps, (steering_before_rad + car.motion.steering_rad) / 2)
 
 
 def _robots() -> tuple[Robot, Robot]:
@@ -92,19 +93,17 @@ def _robots() -> tuple[Robot, Robot]:
     return robots["r2"], robots["r1"]
 
 
-def _peak_heading_error(mixed: bool) -> float:
-    """Largest error of the estimated alpha [rad] from `JUDGED_FROM_S` on."""
+def _peak_heading_error(yaw_rate: Literal["body", "fork"]) -> float:
+    """Largest error of alpha [rad] in the paper's own filter from `JUDGED_FROM_S` on."""
     me, leads = _robots()
     d, front = me.vehicle.wheelbase_m, me.markers[0]
     truth = relative_truth(Car(me.start, d, 0.0), Car(leads.start, d, 0.0))
     prior = RelativePrior(truth.range_m, 0.1, truth.bearing_rad, 0.05, truth.heading_rad, 0.05)
-    estimator = make_relative_filter(me.relative_filter, d, d, prior)
+    settings = RelativeFilter(kind="paper", paper=PaperFilter(yaw_rate=yaw_rate))
+    estimator = make_relative_filter(settings, d, d, prior)
     worst = 0.0
-    for time_s, own, leader, own_rate, leader_rate in _moments():
-        told = own.motion, leader.motion
-        if mixed:
-            told = _mixed(own.motion, own_rate, d), _mixed(leader.motion, leader_rate, d)
-        estimator.predict(DT_S, *told)
+    for time_s, own, leader, own_motion, leader_motion in _moments():
+        estimator.predict(DT_S, own_motion, leader_motion)
         truth = relative_truth(own, leader)
         estimator.update_leader_marker(truth.bearing_rad, STD_RAD, front, 0.0)
         estimator.update_mutual(leader.bearing_to(own.place(front)), STD_RAD, front, 0.0)
@@ -113,34 +112,20 @@ def _peak_heading_error(mixed: bool) -> float:
     return worst
 
 
-def _mixed(motion: WheelMotion, fork_rate_radps: float, wheelbase_m: float) -> WheelMotion:
-    """The motion that has the fork rate for its yaw rate, at the same rear-axle speed."""
-    axle_speed = axle_motion(motion, wheelbase_m).speed_mps
-    return wheel_motion(AxleMotion(axle_speed, fork_rate_radps), wheelbase_m)
-
-
 def _prediction_error(rates: Rates) -> float:
     """Bearing error [rad] of (29), predicted from the first moment with the cars' true motions."""
     d = _robots()[0].vehicle.wheelbase_m
-    state, last = RelativeState(1.0, 0.0, 0.0), (WheelMotion(0.0, 0.0), WheelMotion(0.0, 0.0))
-    truth = state
-    for time_s, own, leader, *_ in _moments():
-        truth, motions = _rear_view(own, leader, d), (leader.motion, own.motion)
-        if time_s <= DT_S:
-            state = truth
-        else:
-            leads, follows = (_mean(a, b, d) for a, b in zip(last, motions, strict=True))
-            state = predict(state, leads, follows, DT_S, rates)
-        last = motions
+    moments = _moments()
+    first = next(moments)
+    state = truth = _rear_view(first.own, first.leader, d)
+    for time_s, own, leader, own_motion, leader_motion in moments:
+        state = predict(
+            state, axle_motion(leader_motion, d), axle_motion(own_motion, d), DT_S, rates
+        )
+        truth = _rear_view(own, leader, d)
         if time_s >= PREDICTED_S:
             break
     return abs(math.remainder(state.bearing_rad - truth.bearing_rad, math.tau))
-
-
-def _mean(before: WheelMotion, after: WheelMotion, wheelbase_m: float) -> AxleMotion:
-    """The rear axle's motion over a step between two fork angles; the speed holds for the step."""
-    steering = (before.steering_rad + after.steering_rad) / 2
-    return axle_motion(WheelMotion(after.speed_mps, steering), wheelbase_m)
 
 
 def _rear_view(own: Car, leader: Car, wheelbase_m: float) -> RelativeState:

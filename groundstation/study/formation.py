@@ -24,7 +24,6 @@ from onboard.model.relative import RelativeState
 from onboard.model.vehicle import WheelMotion
 
 PRIOR_RANGE_FRACTION, PRIOR_ANGLE_STD_RAD = 0.3, 0.3
-MakeFilter = Callable[[fleet.RelativeFilter, float, float, RelativePrior], RelativeFilter]
 
 
 class Seen(NamedTuple):
@@ -77,7 +76,6 @@ class _Follower:
         me: _Robot,
         leader: _Robot,
         simulated: fleet.Simulation,
-        make: MakeFilter,
         on_truth: bool,
     ) -> None:
         self.me, self.leader, self._on_truth = me, leader, on_truth
@@ -91,7 +89,9 @@ class _Follower:
             start.heading_rad,
             PRIOR_ANGLE_STD_RAD,
         )
-        self._filter = make(me.settings.relative_filter, me.wheelbase_m, leader.wheelbase_m, prior)
+        self._filter: RelativeFilter = make_relative_filter(
+            me.settings.relative_filter, me.wheelbase_m, leader.wheelbase_m, prior
+        )
         self._wheels = WheelController(me.settings.limits)
         assert me.settings.offset is not None, "a follower has a place"
         self._offset = me.settings.offset
@@ -154,7 +154,6 @@ class _Follower:
 def drive_formation(
     source: fleet.Fleet,
     seed: int,
-    make: MakeFilter = make_relative_filter,
     control_on_truth: bool = False,
 ) -> FormationRun:
     """Drive the fleet's mission from a standing start; the leader ramps up within its limits.
@@ -168,7 +167,7 @@ def drive_formation(
     limits, wheelbase = source.robots[first].limits, robots[first].wheelbase_m
     reference = LeaderReference(VelocityPlan(source.mission), limits, wheelbase)
     followers = {
-        name: _Follower(robots[name], robots[leader], simulated, make, control_on_truth)
+        name: _Follower(robots[name], robots[leader], simulated, control_on_truth)
         for name in formation_tree.followers(source)
         if (leader := source.robots[name].leader) is not None
     }
