@@ -7,6 +7,7 @@ import numpy as np
 
 from config import fleet
 from groundstation.study.effect import Effect
+from groundstation.study.paper_particles import PaperParticles
 from groundstation.study.scenario import (
     DT_S,
     landmark_positions,
@@ -14,11 +15,11 @@ from groundstation.study.scenario import (
     measured_bearings,
     paper_fleet,
     planned_inputs,
+    schedule,
     true_bearings,
     wrapped,
 )
-from onboard.control.schedule import VelocityPlan
-from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser
+from onboard.estimate.localiser import LandmarkBearing
 from onboard.model.vehicle import VehicleState, front_drive_rates, step_midpoint, step_rk4
 
 Rates = Callable[[VehicleState], VehicleState]
@@ -45,11 +46,7 @@ def euler() -> Effect:
 def steering_rate_schedule() -> Effect:
     """The schedule's omega read as a steering motor's rate."""
     source = paper_fleet()
-    plan = VelocityPlan(source.mission)
-    rates = [
-        plan.at((step + 0.5) * DT_S).fork_rate_radps
-        for step in range(round(source.mission.duration_s / DT_S))
-    ]
+    rates = [planned.fork_rate_radps for planned in schedule(source.mission)]
     planned = [inputs.steering_rate_radps for inputs in planned_inputs(source.mission, WHEELBASE_M)]
     return Effect(
         "steering-rate-schedule",
@@ -106,9 +103,9 @@ def _localiser_rmse(noise: float, seeds: int) -> float:
         truth = leader_truth(source, seed, noise)
         true = true_bearings(truth.states[1:], list(landmarks.values()), "fork")
         measured = measured_bearings(true, seed, 0.05)
-        localiser = ParticleLocaliser(settings, WHEELBASE_M, "fork", landmarks, robot.start, seed)
+        localiser = PaperParticles(settings, WHEELBASE_M, "fork", landmarks, robot.start, seed)
         for step, (inputs, row) in enumerate(zip(truth.inputs, measured.tolist(), strict=True)):
-            localiser.predict(DT_S, inputs.speed_mps, inputs.steering_rate_radps)
+            localiser.predict(DT_S, inputs.speed_mps, inputs.fork_rate_radps)
             localiser.update(
                 [LandmarkBearing(m, b, 0.05, 0.0) for m, b in zip(landmarks, row, strict=True)]
             )
@@ -120,12 +117,11 @@ def _localiser_rmse(noise: float, seeds: int) -> float:
 
 def _path_error(source: fleet.Fleet, rule: Rule) -> float:
     """Largest distance of the leader's path from that by Runge-Kutta in finer steps."""
-    plan, pose = VelocityPlan(source.mission), source.robots["r1"].start
+    pose = source.robots["r1"].start
     start = VehicleState(pose.x_m, pose.y_m, pose.heading_rad, pose.heading_rad)
     coarse = fine = start
     worst = 0.0
-    for step in range(round(source.mission.duration_s / DT_S)):
-        speed, omega = plan.at((step + 0.5) * DT_S)
+    for speed, omega in schedule(source.mission):
 
         def rates(state: VehicleState, v: float = speed, w: float = omega) -> VehicleState:
             return front_drive_rates(state, v, w, WHEELBASE_M)

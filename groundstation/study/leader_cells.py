@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from config import fleet
+from groundstation.study.paper_particles import PaperParticles
 from groundstation.study.runner import Job
 from groundstation.study.scenario import (
     DT_S,
@@ -24,7 +25,7 @@ from groundstation.study.scenario import (
     wrapped,
 )
 from onboard.estimate.beliefs import PoseBelief
-from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser
+from onboard.estimate.localiser import LandmarkBearing
 
 COUNTS = (0, 1, 2, 3, 4)
 FILTERS = ("paper", "ours")
@@ -74,7 +75,7 @@ class LeaderResult(msgspec.Struct, frozen=True):
 
 
 class _Localiser(Protocol):
-    def predict(self, dt_s: float, speed_mps: float, steering_rate_radps: float) -> None: ...
+    def predict(self, dt_s: float, speed_mps: float, fork_rate_radps: float) -> None: ...
 
     def update(self, bearings: list[LandmarkBearing]) -> object: ...
 
@@ -97,7 +98,7 @@ def _make(
     kind: str, source: fleet.Fleet, landmarks: dict[int, tuple[float, float]], seed: int
 ) -> _Localiser:
     robot = next(robot for robot in source.robots.values() if robot.leader is None)
-    return ParticleLocaliser(
+    return PaperParticles(
         robot.localiser, robot.vehicle.wheelbase_m, "fork", landmarks, robot.start, seed
     )
 
@@ -118,7 +119,7 @@ def _run(
 ) -> _Sampled:
     sampled = _Sampled([], [], [])
     for step, (inputs, row) in enumerate(zip(truth.inputs, measured, strict=True), start=1):
-        localiser.predict(DT_S, inputs.speed_mps, inputs.steering_rate_radps)
+        localiser.predict(DT_S, inputs.speed_mps, inputs.fork_rate_radps)
         keep = step % KEEP_EVERY == 0
         if keep and landmarks:
             sampled.nis.append(_nis(localiser.estimate(), landmarks, row))

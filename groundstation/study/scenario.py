@@ -6,6 +6,7 @@ Truth is of the model class of (3) plus the stated noise. A leader runs the sche
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +17,13 @@ from config.loader import load_fleet, shipped_fleet_path
 from onboard.control.schedule import VelocityPlan
 from onboard.control.steering import WheelSetpoint
 from onboard.model.relative import RelativeState
-from onboard.model.vehicle import VehicleState, WheelMotion, steering_rate, step_midpoint
+from onboard.model.vehicle import (
+    VehicleState,
+    WheelMotion,
+    front_drive_rates,
+    steering_rate,
+    step_midpoint,
+)
 
 Floats = NDArray[np.float64]
 Mounting = Literal["body", "fork"]
@@ -26,17 +33,24 @@ DT_S = 0.01
 
 
 class Inputs(NamedTuple):
-    """What a robot is known to do over one step: front-wheel speed and d delta/dt."""
+    """What a robot does over one step: front-wheel speed and d delta/dt."""
 
     speed_mps: float
     steering_rate_radps: float
+
+
+class Planned(NamedTuple):
+    """The inputs of (3) over one step: front-wheel speed and omega = d eta/dt."""
+
+    speed_mps: float
+    fork_rate_radps: float
 
 
 class Truth(NamedTuple):
     """A leader's true states (steps + 1, 4): x, y, eta, theta; inputs[i] lead from i to i + 1."""
 
     states: Floats
-    inputs: list[Inputs]
+    inputs: list[Planned]
 
     @property
     def time_s(self) -> Floats:
@@ -54,15 +68,20 @@ def landmark_positions(source: fleet.Fleet, count: int) -> dict[int, tuple[float
     return {mark.id: (mark.x_m, mark.y_m) for mark in source.landmarks[:count]}
 
 
+def schedule(mission: fleet.Mission) -> list[Planned]:
+    """The mission as inputs of (3), per step."""
+    plan = VelocityPlan(mission)
+    steps = round(mission.duration_s / DT_S)
+    return [Planned(*plan.at((step + 0.5) * DT_S)) for step in range(steps)]
+
+
 def planned_inputs(mission: fleet.Mission, wheelbase_m: float) -> list[Inputs]:
     """The schedule as speed and steering rate per step, from a straight fork.
 
     omega of the schedule is d eta/dt, so the fork's angle follows delta' = omega - v sin(delta)/d.
     """
-    plan = VelocityPlan(mission)
     delta, inputs = 0.0, []
-    for step in range(round(mission.duration_s / DT_S)):
-        speed, omega = plan.at((step + 0.5) * DT_S)
+    for speed, omega in schedule(mission):
         half = delta + DT_S / 2 * steering_rate(omega, WheelMotion(speed, delta), wheelbase_m)
         rate = steering_rate(omega, WheelMotion(speed, half), wheelbase_m)
         inputs.append(Inputs(speed, rate))
@@ -73,23 +92,30 @@ def planned_inputs(mission: fleet.Mission, wheelbase_m: float) -> list[Inputs]:
 def leader_truth(
     source: fleet.Fleet, seed: int, noise_per_sqrt_s: float = 0.05, start_std: float = 0.05
 ) -> Truth:
-    """Drive the mission once: plant noise on all four states, start pose off by `start_std`.
+    """Drive the mission once by (3): noise on all four states, start pose off by `start_std`.
 
-    The start's fork is straight, as the encoder says. Units: [m], [rad], per square root of 1 s.
+    omega is the paper's, so the fork's direction follows the schedule but for its noise. The
+    start's fork is straight, as the encoder says. Units: [m], [rad], per square root of 1 s.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
     robot = next(robot for robot in source.robots.values() if robot.leader is None)
-    inputs = planned_inputs(source.mission, robot.vehicle.wheelbase_m)
-    x, y, turn = start_std * rng.standard_normal(3)
+    wheelbase, inputs = robot.vehicle.wheelbase_m, schedule(source.mission)
+    x, y, turn = (start_std * rng.standard_normal(3)).tolist()
     heading = robot.start.heading_rad + turn
     state = VehicleState(robot.start.x_m + x, robot.start.y_m + y, heading, heading)
     noise = noise_per_sqrt_s * math.sqrt(DT_S) * rng.standard_normal((len(inputs), 4))
     states = [state]
-    for each, shake in zip(inputs, noise.tolist(), strict=True):
-        moved = moved_by(state, each, robot.vehicle.wheelbase_m, DT_S)
+    for planned, shake in zip(inputs, noise.tolist(), strict=True):
+        moved = step_midpoint(partial(_rates, *planned, wheelbase), state, DT_S)
         state = VehicleState._make([m + n for m, n in zip(moved, shake, strict=True)])
         states.append(state)
     return Truth(np.array(states), inputs)
+
+
+def _rates(
+    speed_mps: float, fork_rate_radps: float, wheelbase_m: float, state: VehicleState
+) -> VehicleState:
+    return front_drive_rates(state, speed_mps, fork_rate_radps, wheelbase_m)
 
 
 def moved_by(state: VehicleState, inputs: Inputs, wheelbase_m: float, dt_s: float) -> VehicleState:
