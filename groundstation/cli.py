@@ -82,6 +82,89 @@ def demo(
     raise typer.Exit(0 if judged.verdict == "pass" else NOT_GOOD)
 
 
+@app.command(epilog="Example: echelon dataset ../shared/data/mrclam6 --robot all --json")
+def dataset(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a MRCLAM data set, plain or .xz.")
+    ],
+    robot: Annotated[str, typer.Option(metavar="N|all", help="Which robot's recording.")] = "all",
+    start: Annotated[
+        str,
+        typer.Option(metavar="known|unknown", help="Whether the robot is told where it starts."),
+    ] = "known",
+    follow: Annotated[
+        str | None,
+        typer.Option(metavar="F:L", help="Also let robot F estimate where robot L is, e.g. 2:1."),
+    ] = None,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Real processes in real time, not lockstep.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(min=1.0, help="Play only so much of each recording.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the pictures; default: one under runs/.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Play real robots' recordings, bearings only, to onboard robots; judge by motion capture."""
+    with bad_input_told(json), signals_end_it():
+        from groundstation.dataset import Options, run_dataset
+        from groundstation.dataset_fleet import start_kind
+        from groundstation.dataset_report import print_report, to_json
+
+        console = _stderr()
+
+        def say(text: str) -> None:
+            console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+        def progress(name: str, played_s: float) -> None:
+            if console.is_terminal:
+                console.print(f"{name}: {played_s:.0f} s played", end="\r", highlight=False)
+
+        report = run_dataset(
+            Options(folder, robot, start_kind(start), follow, realtime, seconds, out, say, progress)
+        )
+        if json:
+            sys.stdout.write(to_json(report))
+        else:
+            from rich.console import Console
+
+            print_report(Console(), report)
+            typer.echo(f"results: {report.results}")
+    raise typer.Exit(0 if report.verdict == "pass" else NOT_GOOD)
+
+
+@app.command(epilog="Example: echelon doctor --mission --fleet demo --out runs/check")
+def doctor(
+    mission: Annotated[
+        bool, typer.Option("--mission", help="Examine the planned mission of the fleet file.")
+    ] = False,
+    fleet: FleetName = "demo",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for map and report; default: one under runs/.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Examine a mission before it starts: what will be seen, and whether it can be driven."""
+    with bad_input_told(json):
+        from groundstation.errors import GroundError
+
+        if not mission:
+            raise GroundError("nothing to examine: say --mission")
+        from groundstation.doctor import examine_mission, print_mission, to_json
+
+        report, folder = examine_mission(_load(fleet, None), out)
+        if json:
+            sys.stdout.write(to_json(report).decode())
+        else:
+            from rich.console import Console
+
+            print_mission(Console(), report)
+            typer.echo(f"map and report: {folder}")
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
 @app.command(epilog="Example: echelon status --fleet demo --json")
 def status(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
     """Show what every robot of a running fleet says of itself."""

@@ -6,15 +6,13 @@ Nothing here waits or reads a clock, so a run depends on the fleet file and the 
 import itertools
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
-import can
 import msgspec
 import numpy as np
 
 from config import topics
 from config.can.database import CanDatabase
-from config.can.frame import Frame
 from config.fleet import Fleet
 from config.messages import Command, CommandReply, Estop, LoopHealth, Motion, Status, Truth, encode
 from config.topics import Topic
@@ -25,6 +23,7 @@ from onboard.step import Inputs, Outputs, Request
 from sim_hw.dataset.devices import PlaybackRobot
 from sim_hw.dataset.mrclam import DataSetError, Recording, read_recording, robots_in
 from sim_hw.fleet import SimulatedFleet
+from sim_hw.simcan.direct import Devices, DirectBus
 
 __all__ = [
     "DataSetError",
@@ -47,44 +46,22 @@ STOP_LIMIT_S = 10.0
 COMMAND_LIMIT_S = 2.0
 AT_REST = frozenset({"STANDBY", "FAULT", "ESTOP"})
 
-_run_numbers = itertools.count()
-
 
 class LockstepFailed(Exception):
     """The fleet did not do what the mission needs; the text names the robot and its reason."""
 
 
-class _SentMessage(can.Message):
-    """A message that the virtual bus need not copy: nobody changes it once it is sent."""
-
-    __slots__ = ()
-
-    def __deepcopy__(self, memo: object) -> Self:
-        return self
-
-
-class Devices(Protocol):
-    """What emulates one robot's hardware on its bus."""
-
-    def collect(self) -> list[Frame]:
-        """Frames sent since the last call."""
-
-    def deliver(self, frame: Frame) -> None:
-        """A frame from the robot's computer."""
-
-
 class Station:
-    """One robot's computer: its `Robot`, its port, and the device side of its virtual bus.
+    """One robot's computer: its `Robot`, and its port on the bus of emulated devices.
 
     `running` False is what a killed process looks like, `late_s` what a stalled one does.
     """
 
-    def __init__(self, fleet: Fleet, name: str, channel: str, seed: int, db: CanDatabase) -> None:
+    def __init__(
+        self, fleet: Fleet, name: str, devices: Devices, seed: int, db: CanDatabase
+    ) -> None:
         self.robot = Robot(fleet, name, db, seed)
-        self.device_bus = can.Bus(
-            interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True
-        )
-        self.host_bus = can.Bus(interface="virtual", channel=channel, ignore_config=True)
+        self.host_bus = DirectBus(devices, name, START_S, WALL_OFFSET_S)
         self.port = CanPort(self.host_bus)
         self.mail: list[Motion] = []
         self.requests: list[Request] = []
@@ -94,30 +71,8 @@ class Station:
         self.late_s = 0.0
 
     def close(self) -> None:
-        """Leave the virtual bus."""
+        """Leave the bus."""
         self.port.close()
-        self.device_bus.shutdown()
-
-    def hear_devices(self, devices: Devices) -> None:
-        """Put on the bus what the devices have sent."""
-        for frame in devices.collect():
-            self.device_bus.send(
-                _SentMessage(
-                    timestamp=frame.t_s + WALL_OFFSET_S,
-                    arbitration_id=frame.can_id,
-                    data=frame.data,
-                    is_extended_id=False,
-                    is_remote_frame=frame.remote,
-                )
-            )
-
-    def tell_devices(self, devices: Devices, now_s: float) -> None:
-        """Deliver to the devices what the robot has sent."""
-        while (message := self.device_bus.recv(0)) is not None:
-            frame = Frame(
-                message.arbitration_id, bytes(message.data), now_s, message.is_remote_frame
-            )
-            devices.deliver(frame)
 
     def step(self, now_s: float, cycle: int) -> list[tuple[Topic, bytes]]:
         """One step of the robot; returns its messages as they are published."""
@@ -153,10 +108,9 @@ class Lockstep:
         self._numbers = itertools.count(1)
         self._truth_seq = 0
         database = CanDatabase.load()
-        run = next(_run_numbers)
         seeds = np.random.SeedSequence(seed).generate_state(len(fleet.robots))
         self.stations = {
-            name: Station(fleet, name, f"lockstep-{run}-{name}", int(robot_seed), database)
+            name: Station(fleet, name, self.simulation.robots[name], int(robot_seed), database)
             for name, robot_seed in zip(fleet.robots, seeds, strict=True)
         }
         rates = {robot.loop.rate_hz for robot in fleet.robots.values()}
@@ -171,7 +125,7 @@ class Lockstep:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave all virtual buses."""
+        """Leave all buses."""
         for station in self.stations.values():
             station.close()
 
@@ -183,12 +137,10 @@ class Lockstep:
         self._publish_truth()
         sent: list[tuple[Topic, str, bytes]] = []
         for name, station in self.stations.items():
-            devices = self.simulation.robots[name]
-            station.hear_devices(devices)
+            station.host_bus.update(self.now_s)
             if station.running:
                 messages = station.step(self.now_s, self._ticks)
                 sent += [(topic, name, body) for topic, body in messages]
-            station.tell_devices(devices, self.now_s)
         for topic, name, body in sent:
             self._deliver(topic, name, body)
 
@@ -333,17 +285,27 @@ class PlaybackLockstep:
     ) -> None:
         self.now_s = START_S
         self._fleet, self._hear = fleet, hear
-        database, run = CanDatabase.load(), next(_run_numbers)
+        database = CanDatabase.load()
         self.devices = {
             name: PlaybackRobot(fleet.robots[name], recording, database, START_S)
             for name, recording in recordings.items()
         }
         self._stations = {
-            name: Station(fleet, name, f"playback-{run}-{name}", seed, database)
-            for name in recordings
+            name: Station(fleet, name, self.devices[name], seed, database) for name in recordings
         }
         self._period_s = 1.0 / max(fleet.robots[name].loop.rate_hz for name in recordings)
         self._ticks = 0
+
+    @property
+    def played_s(self) -> float:
+        """How far the recordings have been played."""
+        started_s = next(iter(self.devices.values())).started_s
+        return 0.0 if started_s is None else self.now_s - started_s
+
+    @property
+    def ended(self) -> bool:
+        """One of the recordings is over."""
+        return any(devices.ended for devices in self.devices.values())
 
     def __enter__(self) -> Self:
         return self
@@ -354,7 +316,7 @@ class PlaybackLockstep:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave all virtual buses."""
+        """Leave all buses."""
         for station in self._stations.values():
             station.close()
 
@@ -364,11 +326,9 @@ class PlaybackLockstep:
         self.now_s = START_S + self._ticks * self._period_s
         sent: list[tuple[Topic, str, bytes]] = []
         for name, station in self._stations.items():
-            devices = self.devices[name]
-            devices.advance(self.now_s)
-            station.hear_devices(devices)
+            self.devices[name].advance(self.now_s)
+            station.host_bus.update(self.now_s)
             sent += [(topic, name, body) for topic, body in station.step(self.now_s, self._ticks)]
-            station.tell_devices(devices, self.now_s)
         for topic, name, body in sent:
             self._hear(topic, name, body)
             if topic is topics.MOTION:

@@ -119,6 +119,8 @@ class PlaybackSensor:
 class PlaybackRobot:
     """All devices of one robot. Standing at the recording's start until `play` is called."""
 
+    adapter_lost = False
+
     def __init__(
         self, config: Robot, recording: Recording, database: CanDatabase, t_s: float
     ) -> None:
@@ -176,9 +178,10 @@ class PlaybackRobot:
         if self._started_s is None:
             self._started_s = t_s
 
-    def deliver(self, frame: Frame) -> None:
+    def deliver(self, frame: Frame) -> bool:
         """A frame from the host. A host that speaks is there to listen: the recording starts."""
         self.play(max(frame.t_s, self._t_s))
+        return True
 
     def collect(self) -> list[Frame]:
         """Frames that went on the bus since the last call, in the order of time."""
