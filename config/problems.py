@@ -74,7 +74,8 @@ def schema_problem(root: Entry, error: ErrorDetails, model: type[BaseModel] = Fl
 
 def _known_keys(model: type[BaseModel], path: Path) -> str:
     owner = _model_at(model, path[:-1])
-    known = [*owner.model_fields, *FILE_ONLY_KEYS.get(owner, ())]
+    fields = [field.alias or name for name, field in owner.model_fields.items()]
+    known = [*fields, *FILE_ONLY_KEYS.get(owner, ())]
     near = get_close_matches(str(path[-1]), known, 1, cutoff=0.5)
     return f"did you mean `{near[0]}`?" if near else f"known here: {', '.join(sorted(known))}"
 

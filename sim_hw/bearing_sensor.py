@@ -24,6 +24,7 @@ from config.can.vehicle import (
 )
 from config.fleet import BearingSensor as SensorConfig
 from config.fleet import Marker, SimulatedBearings
+from sim_hw.faults import DeviceFaults, first_too_large
 from sim_hw.protected import ProtectedSender
 from sim_hw.timing import TOLERANCE_S, Cycle, DeviceClock
 from sim_hw.vehicle import Vehicle
@@ -66,8 +67,7 @@ class _Capture(NamedTuple):
 class BearingSensor:
     """One sensor. `config` says how it is mounted, `errors` how it errs.
 
-    Targets beyond the sixteen nearest are left out and the frame is marked as truncated. Set
-    `silent` to keep all of its frames off the bus.
+    Targets beyond the sixteen nearest are left out and the frame is marked as truncated.
     """
 
     def __init__(
@@ -78,7 +78,9 @@ class BearingSensor:
         landmarks: Sequence[Marker],
         t_s: float,
         rng: Generator,
+        fault_rng: Generator,
     ) -> None:
+        self.faults = DeviceFaults("bearing", fault_rng, (math.pi,), first_too_large())
         self._config = config
         self._errors = errors
         self._landmarks = landmarks
@@ -96,7 +98,7 @@ class BearingSensor:
         self._clock = DeviceClock(t_s, rng.random() * _CLOCK_RANGE_S)
         self._number = 0
         self._pending: deque[_Capture] = deque()
-        self.silent = False
+        self._last_targets: list[_Target] = []
 
     @property
     def next_due_s(self) -> float:
@@ -109,20 +111,31 @@ class BearingSensor:
     def advance(self, t_s: float, own: Vehicle, others: Iterable[MarkedVehicle]) -> list[Frame]:
         """Frames due until `t_s`; a look taken at `t_s` sees `own` and `others` as they are."""
         frames: list[Frame] = []
-        if self._look.due(t_s):
+        if self._look.due(t_s) and not self._leaves_out("look"):
             self._pending.append(self._capture(t_s, own, others))
         latency_s = self._errors.latency_s
         while self._pending and self._pending[0].captured_s + latency_s <= t_s + TOLERANCE_S:
             frames += self._frames_of(self._pending.popleft())
-        if self._report.due(t_s):
+        if self._report.due(t_s) and not self._leaves_out("health"):
             frames.append(self._health.frame(t_s, self._health_row(t_s)))
-        return [] if self.silent else frames
+        return frames
+
+    def _leaves_out(self, message: str) -> bool:
+        return self.faults.any and self.faults.skips(message)
 
     def _capture(self, t_s: float, own: Vehicle, others: Iterable[MarkedVehicle]) -> _Capture:
         targets = self._in_sight(own, others)
         targets.sort()
+        if self.faults.any:
+            targets = self._seen_with_faults(targets)
+        self._last_targets = targets
         self._number = (self._number + 1) & 0xFF
         return _Capture(t_s, self._number, len(targets) > MAX_TARGETS, targets[:MAX_TARGETS])
+
+    def _seen_with_faults(self, targets: list[_Target]) -> list[_Target]:
+        if self.faults.has("blind"):
+            return []
+        return self._last_targets if self.faults.has("stuck") else targets
 
     def _in_sight(self, own: Vehicle, others: Iterable[MarkedVehicle]) -> list[_Target]:
         axis_rad = own.heading_rad + self._config.yaw_rad
@@ -176,7 +189,10 @@ class BearingSensor:
         std_rad, bias_rad = self._errors.std_rad, self._errors.bias_rad
         told_rad = max(std_rad, _LEAST_STD_RAD)
         for slot, (target, deviation) in enumerate(zip(capture.targets, noise, strict=True)):
-            bearing_rad = wrap(target.bearing_rad + bias_rad + std_rad * deviation)
+            bearing_rad = target.bearing_rad + bias_rad + std_rad * deviation
+            if self.faults.any and not self.faults.has("stuck"):
+                (bearing_rad,) = self.faults.distort((bearing_rad,))
+            bearing_rad = wrap(bearing_rad)
             row = BearingTarget(
                 slot, capture.number, target.id, target.kind, _BEST_QUALITY, bearing_rad, told_rad
             )
@@ -184,8 +200,9 @@ class BearingSensor:
         return frames
 
     def _health_row(self, t_s: float) -> BearingHealth:
+        failed = self.faults.any and self.faults.has("failed")
         return BearingHealth(
-            sensor_state=SensorState.RUNNING,
+            sensor_state=SensorState.FAULT if failed else SensorState.RUNNING,
             fov_half=self._config.fov_half_rad,
             frame_rate=self._config.rate_hz,
             temperature=_TEMPERATURE_DEGC,
@@ -196,7 +213,7 @@ class BearingSensor:
             fault_overtemp=0,
             fault_tx_overflow=0,
             fault_time_sync=0,
-            fault_internal=0,
+            fault_internal=failed,
             dropped_frames=0,
             uptime=int(t_s - self._boot_s) & 0xFF,
         )

@@ -7,10 +7,18 @@ class Motor:
     """Motor, gear and load with a first-order response to its drive's command.
 
     `friction_rps2` is the deceleration [rev/s2] without power; infinite for a gear that holds.
-    `stop_rev` is where the mechanics end on either side; infinite for a wheel.
+    `stop_rev` is where the mechanics end on either side; infinite for a wheel. A `jammed` motor
+    does not turn.
     """
 
-    __slots__ = ("_friction_rps2", "_lag_s", "_stop_rev", "position_rev", "velocity_rps")
+    __slots__ = (
+        "_friction_rps2",
+        "_lag_s",
+        "_stop_rev",
+        "jammed",
+        "position_rev",
+        "velocity_rps",
+    )
 
     def __init__(
         self, lag_s: float, friction_rps2: float = math.inf, stop_rev: float = math.inf
@@ -20,6 +28,7 @@ class Motor:
         self._stop_rev = stop_rev
         self.position_rev = 0.0
         self.velocity_rps = 0.0
+        self.jammed = False
 
     def track_velocity(self, target_rps: float, limit_rps: float, dt_s: float) -> None:
         """Approach a velocity, itself held within the drive's velocity limit."""
@@ -47,6 +56,9 @@ class Motor:
 
     def _turn(self, mean_rps: float, dt_s: float, final_rps: float) -> None:
         """Turn at a mean velocity and end with another, or at a mechanical stop."""
+        if self.jammed:
+            self.velocity_rps = 0.0
+            return
         position = self.position_rev + mean_rps * dt_s
         if -self._stop_rev <= position <= self._stop_rev:
             self.position_rev = position

@@ -28,6 +28,7 @@ from config.can.odrive import (
     RebootAction,
 )
 from sim_hw.axis import INITIALISING_S, Axis
+from sim_hw.faults import DeviceFaults
 from sim_hw.motor import Motor
 from sim_hw.timing import Cycle
 
@@ -36,7 +37,9 @@ REBOOT_S = 1.0
 _COMMAND_BITS = 5
 _COMMAND_MASK = 0x1F
 _BUS_VOLTAGE_V = 24.0
+_LEAST_VOLTAGE_V = 12.0
 _TEMPERATURE_DEGC = 30.0
+_MOST_TEMPERATURE_DEGC = 80.0
 _VERSION = GetVersion(2, 4, 4, 58, 0, 6, 11, 0)
 
 
@@ -44,7 +47,7 @@ class OdriveAxis:
     """One axis with its motor, powered up and idle at `t_s`.
 
     `encoder_std_rev` is white noise on the estimates: revolutions, and revolutions per second.
-    Set `silent` to keep all of its frames off the bus.
+    Faults are begun and ended through this class, since some of them happen to the axis.
     """
 
     def __init__(
@@ -57,11 +60,13 @@ class OdriveAxis:
         watchdog_s: float,
         encoder_std_rev: float,
         rng: Generator,
+        faults: DeviceFaults,
     ) -> None:
+        self.faults = faults
+        self._motor = motor
         self.axis = Axis(
             motor, t_s=t_s, velocity_limit_rps=velocity_limit_rps, watchdog_s=watchdog_s
         )
-        self.silent = False
         self._codecs = codecs
         self._node = codecs.heartbeat.can_id >> _COMMAND_BITS
         self._encoder_std_rev = encoder_std_rev
@@ -92,26 +97,71 @@ class OdriveAxis:
     def advance(self, t_s: float) -> list[Frame]:
         """Move on to `t_s` and return the frames sent since the last call."""
         self.axis.advance(t_s)
-        if self._heartbeat.due(t_s):
+        if self.faults.any:
+            self._suffer(t_s)
+        if self._heartbeat.due(t_s) and not self._leaves_out("heartbeat"):
             self._send(self._codecs.heartbeat, self._heartbeat_row(), t_s)
-        if self._estimates.due(t_s):
+        if self._estimates.due(t_s) and not self._leaves_out("estimates"):
             self._send(self._codecs.get_encoder_estimates, self._estimates_row(), t_s)
         if not self._out:
             return self._out
         frames, self._out = self._out, []
         return frames
 
-    def trip(self, error: AxisError) -> None:
-        """Raise an error; an armed axis is disarmed and coasts."""
-        self.axis.trip(error)
+    def begin_fault(self, kind: str, value: float | None, t_s: float) -> None:
+        """Start one of the drive's faults."""
+        self.axis.at(t_s)
+        if kind == "disarm":
+            self.axis.to_idle(ProcedureResult.SUCCESS)
+        elif kind == "failed":
+            self.axis.trip(AxisError.DRV_FAULT)
+        elif kind == "restart":
+            self._reboot()
+        else:
+            self.faults.begin(kind, value, t_s)
+            self._motor.jammed = self.faults.has("jammed")
+            if kind == "off":
+                self._lose_power(math.inf)
 
-    def disarm_silently(self) -> None:
-        """Fall back to idle without any error, as drives with a loose motor lead do."""
-        self.axis.to_idle(ProcedureResult.SUCCESS)
+    def end_fault(self, kind: str, t_s: float) -> None:
+        """End one of the drive's faults; power that comes back boots it."""
+        self.axis.at(t_s)
+        had_power = not self.faults.has("off")
+        self.faults.end(kind)
+        self._motor.jammed = self.faults.has("jammed")
+        if kind == "off" and not had_power:
+            self._lose_power(t_s)
 
-    def reboot(self) -> None:
-        """Lose power: silent and deaf for a second, then as after power-up."""
-        boot_s = self.axis.now_s + REBOOT_S
+    @property
+    def temperature_degc(self) -> float:
+        """Of the inverter."""
+        if not self.faults.has("overheat"):
+            return _TEMPERATURE_DEGC
+        warming_s = self.faults.lasts_s("overheat", self.axis.now_s)
+        return _TEMPERATURE_DEGC + self.faults.value("overheat") * warming_s
+
+    @property
+    def supply_v(self) -> float:
+        """Voltage of the DC bus."""
+        return self.faults.value("undervolt") if self.faults.has("undervolt") else _BUS_VOLTAGE_V
+
+    def _suffer(self, t_s: float) -> None:
+        """What heat and voltage do to the axis; their errors come back until they are gone."""
+        if t_s < self._boot_s:
+            return
+        if self.temperature_degc >= _MOST_TEMPERATURE_DEGC:
+            self.axis.trip(AxisError.INVERTER_OVER_TEMP)
+        if self.supply_v < _LEAST_VOLTAGE_V:
+            self.axis.trip(AxisError.DC_BUS_UNDER_VOLTAGE)
+
+    def _leaves_out(self, message: str) -> bool:
+        return self.faults.any and self.faults.skips(message)
+
+    def _reboot(self) -> None:
+        self._lose_power(self.axis.now_s + REBOOT_S)
+
+    def _lose_power(self, boot_s: float) -> None:
+        """Silent and deaf until `boot_s`, then as after power-up."""
         self.axis.boot(boot_s, initialised_s=boot_s + INITIALISING_S)
         self._out.clear()
         self._start_sending(boot_s)
@@ -148,7 +198,7 @@ class OdriveAxis:
 
     def _on_reboot(self, action: int) -> None:
         if action in (RebootAction.REBOOT, RebootAction.SAVE_CONFIGURATION):
-            self.reboot()
+            self._reboot()
 
     def _answer_table(self) -> dict[int, tuple[Codec[Any], Callable[[], tuple[float, ...]]]]:
         codecs, axis = self._codecs, self.axis
@@ -158,8 +208,8 @@ class OdriveAxis:
             (codecs.get_error, lambda: GetError(axis.active_errors, axis.disarm_reason)),
             (codecs.get_encoder_estimates, self._estimates_row),
             (codecs.get_iq, lambda: GetIq(0.0, 0.0)),
-            (codecs.get_temperature, lambda: GetTemperature(_TEMPERATURE_DEGC, math.nan)),
-            (codecs.get_bus_voltage_current, lambda: GetBusVoltageCurrent(_BUS_VOLTAGE_V, 0.0)),
+            (codecs.get_temperature, lambda: GetTemperature(self.temperature_degc, math.nan)),
+            (codecs.get_bus_voltage_current, lambda: GetBusVoltageCurrent(self.supply_v, 0.0)),
             (codecs.get_torques, lambda: GetTorques(0.0, 0.0)),
             (codecs.get_powers, lambda: GetPowers(0.0, 0.0)),
         ]
@@ -171,8 +221,7 @@ class OdriveAxis:
             self._send(codec, row(), t_s)
 
     def _send(self, codec: Codec[Any], row: tuple[float, ...], t_s: float) -> None:
-        if not self.silent:
-            self._out.append(Frame(codec.can_id, codec.pack(*row), t_s))
+        self._out.append(Frame(codec.can_id, codec.pack(*row), t_s))
 
     def _heartbeat_row(self) -> Heartbeat:
         errors = self.axis.active_errors | self.axis.disarm_reason
@@ -183,4 +232,4 @@ class OdriveAxis:
         if self._encoder_std_rev:
             position += self._encoder_std_rev * self._rng.standard_normal()
             velocity += self._encoder_std_rev * self._rng.standard_normal()
-        return GetEncoderEstimates(position, velocity)
+        return GetEncoderEstimates(*self.faults.distort((position, velocity)))

@@ -3,11 +3,10 @@
 Every test drives the demo fleet on a straight and breaks one thing. Standstill is judged on truth.
 """
 
-from collections.abc import Callable
-
 import pytest
 
 from config.can.odrive import AxisError
+from config.faults import Fault
 from groundstation.lockstep import AT_REST, Lockstep
 from tests.hil.fleets import driving, shipped, standing, straight
 
@@ -35,54 +34,27 @@ def test_the_drives_own_watchdog_stops_a_robot_whose_process_is_killed() -> None
 
 def test_an_encoder_that_contradicts_the_steering_drive_stops_the_robot() -> None:
     with driving(DEMO) as lockstep:
-        lockstep.simulation.robots["r2"].encoder.slipped_rad = 0.3
+        lockstep.simulation.inject(Fault(robot="r2", device="encoder", kind="wrong", value=0.3))
         assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
         assert "steering drive and encoder disagree" in lockstep.statuses["r2"].reason
 
 
-Break = Callable[[Lockstep], None]
-
-
-def _no_bearings(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].sensor.silent = True
-
-
-def _no_encoder(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].encoder.silent = True
-
-
-def _drive_trips(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].drive.trip(AxisError.DC_BUS_UNDER_VOLTAGE)
-
-
-def _drive_lets_go_without_a_word(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].drive.disarm_silently()
-
-
-def _steering_falls_silent(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].steering.silent = True
-
-
-def _drive_restarts(lockstep: Lockstep) -> None:
-    lockstep.simulation.robots["r2"].drive.reboot()
-
-
 @pytest.mark.parametrize(
-    ("break_it", "reason", "state"),
+    ("device", "kind", "reason", "state"),
     [
-        (_no_bearings, "bearing", "STANDBY"),
-        (_no_encoder, "steering encoder: no angle for", "STANDBY"),
-        (_drive_trips, "DC_BUS_UNDER_VOLTAGE", "FAULT"),
-        (_drive_lets_go_without_a_word, "drive: left closed-loop control", "FAULT"),
-        (_steering_falls_silent, "steering: no", "FAULT"),
-        (_drive_restarts, "drive: no", "FAULT"),
+        ("bearing", "off", "bearing", "STANDBY"),
+        ("encoder", "off", "steering encoder: no angle for", "STANDBY"),
+        ("drive", "undervolt", "DC_BUS_UNDER_VOLTAGE", "FAULT"),
+        ("drive", "disarm", "drive: left closed-loop control", "FAULT"),
+        ("steering", "mute", "steering: no", "FAULT"),
+        ("drive", "restart", "drive: no", "FAULT"),
     ],
 )
 def test_a_broken_device_stops_its_robot_and_those_behind(
-    break_it: Break, reason: str, state: str
+    device: str, kind: str, reason: str, state: str
 ) -> None:
     with driving(DEMO) as lockstep:
-        break_it(lockstep)
+        lockstep.simulation.inject(Fault(robot="r2", device=device, kind=kind))
         assert lockstep.run_until(lambda: all(standing(lockstep, n) for n in FOLLOWERS), 2.5)
         assert lockstep.run_until(
             lambda: all(lockstep.statuses[n].state in AT_REST for n in FOLLOWERS), 3.0
@@ -161,7 +133,7 @@ def test_a_healthy_run_blocks_and_loses_no_frame() -> None:
 
 def test_a_robot_is_not_armed_before_its_checks_pass() -> None:
     with Lockstep(shipped("demo"), 1) as lockstep:
-        lockstep.simulation.robots["r2"].sensor.silent = True
+        lockstep.simulation.inject(Fault(robot="r2", device="bearing", kind="off"))
         lockstep.run_for(1.0)
         reply = lockstep.command("r2", "arm")
         assert not reply.accepted

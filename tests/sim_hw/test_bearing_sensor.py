@@ -47,7 +47,13 @@ def looks(
     """Every look of a sensor that stands still, decoded from its frames."""
     codecs = database().bearing_sensor((config or SensorConfig()).unit)
     sensor = BearingSensor(
-        codecs, config or SensorConfig(), errors, landmarks, 50.0, np.random.default_rng(seed)
+        codecs,
+        config or SensorConfig(),
+        errors,
+        landmarks,
+        50.0,
+        np.random.default_rng(seed),
+        np.random.default_rng(0),
     )
     found: list[Look] = []
     for frame in run(sensor, own, others or [], duration_s):
@@ -157,6 +163,7 @@ def test_latency_delays_the_frames_and_is_told() -> None:
         [Marker(id=1, x_m=1000.0, y_m=0.0)],
         50.0,
         np.random.default_rng(3),
+        np.random.default_rng(4),
     )
     headers: list[tuple[Frame, BearingFrame]] = []
     told_rad: list[float] = []
@@ -211,7 +218,9 @@ def test_dropouts_hit_single_targets_with_the_probability_asked_for() -> None:
 def test_health_is_sent_ten_times_a_second_and_describes_the_sensor() -> None:
     codecs = database().bearing_sensor(1)
     config = SensorConfig(unit=1, fov_half_rad=1.0, rate_hz=30.0)
-    sensor = BearingSensor(codecs, config, EXACT, [], 50.0, np.random.default_rng(1))
+    sensor = BearingSensor(
+        codecs, config, EXACT, [], 50.0, np.random.default_rng(1), np.random.default_rng(2)
+    )
     frames = run(sensor, vehicle(), [], 3.0)
     rows: list[BearingHealth] = [
         codecs.health.unpack(f.data) for f in frames if f.can_id == codecs.health.can_id

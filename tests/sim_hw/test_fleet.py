@@ -1,6 +1,7 @@
 """Whole simulated robots: their buses, their motion, their random streams."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import cantools
@@ -112,7 +113,8 @@ def test_the_wheel_travels_further_than_the_encoder_says_by_the_scale_error() ->
         truth = robot.truth
         counted_m += (truth.t_s - estimates[-1].t_s) * 1.0
         travelled_m = math.dist((truth.x_m, truth.y_m), (begin[name].x_m, begin[name].y_m))
-        assert travelled_m / counted_m == pytest.approx(robot.odometry_scale, abs=1e-4)
+        # A frame is stamped at its end on the bus, up to 0.7 ms after the count was taken.
+        assert travelled_m / counted_m == pytest.approx(robot.odometry_scale, abs=4e-4)
         signs.add(round(robot.odometry_scale - 1.0, 6))
     assert signs == {0.02, -0.02}
 
@@ -213,18 +215,18 @@ def test_every_frame_of_our_own_devices_carries_valid_protection_and_a_running_c
 def test_frames_come_in_the_order_of_the_bus() -> None:
     sim = simulated(fleet(2))
     sim.advance(START_S + 0.5)
-    order = [(sent.t_s, sent.can_id) for sent in sim.robots["r1"].collect()]
-    assert order == sorted(order)
+    ends = [sent.t_s for sent in sim.robots["r1"].collect()]
+    assert all(late - early > 90e-6 for early, late in pairwise(ends))
     assert sim.robots["r1"].collect() == []
 
 
-def test_a_request_is_answered_at_the_next_step() -> None:
+def test_a_request_is_answered_as_soon_as_it_has_gone_over_the_bus() -> None:
     sim = simulated(fleet(1))
     sim.advance(START_S + 0.0201)
     robot = sim.robots["r1"]
     robot.collect()
     robot.deliver(Frame(DRIVE.get_version.can_id, b"", START_S + 0.0204, remote=True))
-    sim.advance(START_S + 0.021)
+    sim.advance(START_S + 0.022)
     assert DRIVE.get_version.can_id in [sent.can_id for sent in robot.collect()]
 
 

@@ -16,6 +16,7 @@ from config.can.odrive import (
     InputMode,
     ProcedureResult,
 )
+from sim_hw.faults import DeviceFaults, first_too_large
 from sim_hw.motor import Motor
 from sim_hw.odrive import OdriveAxis
 from tests.sim_hw.fleets import database, frame
@@ -43,6 +44,9 @@ class Bench:
             watchdog_s=WATCHDOG_S,
             encoder_std_rev=0.0,
             rng=np.random.default_rng(1),
+            faults=DeviceFaults(
+                "drive", np.random.default_rng(2), (1.0, 1.0), first_too_large(), True
+            ),
         )
 
     @property
@@ -324,14 +328,9 @@ def test_a_reboot_is_silent_and_deaf_for_a_second_then_initialises(bench: Bench)
 
 def test_a_disarm_without_a_reason_shows_no_error(bench: Bench) -> None:
     bench.arm()
-    bench.drive.disarm_silently()
+    bench.drive.begin_fault("disarm", None, bench.t_s)
     heartbeat = bench.heartbeat()
     assert (heartbeat.axis_error, heartbeat.axis_state) == (0, AxisState.IDLE)
-
-
-def test_a_silent_drive_sends_nothing(bench: Bench) -> None:
-    bench.drive.silent = True
-    assert bench.run(0.5) == []
 
 
 def test_setpoints_between_steps_lose_no_motion() -> None:

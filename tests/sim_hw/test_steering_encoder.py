@@ -13,7 +13,9 @@ CODEC = database().vehicle_aux().steering_angle
 
 
 def frames(std_rad: float, angle_rad: float, rate_radps: float, duration_s: float) -> list[Frame]:
-    encoder = SteeringEncoder(CODEC, std_rad, 20.0, np.random.default_rng(1))
+    encoder = SteeringEncoder(
+        CODEC, std_rad, 20.0, np.random.default_rng(1), np.random.default_rng(2)
+    )
     found: list[Frame] = []
     for step in range(1, round(duration_s * 1000) + 1):
         found += encoder.advance(20.0 + step * 0.001, angle_rad, rate_radps)
