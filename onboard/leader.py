@@ -5,7 +5,8 @@ from config.messages import Message, Motion, PoseEstimate
 from config.topics import POSE, Topic
 from onboard.control.schedule import LeaderReference, VelocityPlan
 from onboard.control.steering import WheelController, WheelSetpoint
-from onboard.estimate.localiser import LandmarkBearing, ParticleLocaliser, UpdateOutcome
+from onboard.estimate.localiser import LandmarkBearing, UpdateOutcome
+from onboard.estimate.localiser_particle import ParticleLocaliser
 from onboard.estimate.observability_monitor import LandmarkMonitor
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen

@@ -6,7 +6,7 @@ every particle decays by itself, as delta' = omega - v sin(delta)/d; with d delt
 
 import numpy as np
 
-from onboard.estimate.localiser import FORK, HEADING, ParticleLocaliser, X, Y
+from onboard.estimate.localiser_particle import FORK, HEADING, ParticleLocaliser, X, Y
 
 
 class PaperParticles(ParticleLocaliser):

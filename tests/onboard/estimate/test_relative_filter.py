@@ -232,7 +232,7 @@ def test_the_filter_gives_filterpys_numbers_when_bearings_are_gated() -> None:
 
 def test_the_default_filter_loads_neither_filterpy_nor_scipy() -> None:
     code = (
-        "import sys, onboard.estimate.factory, onboard.estimate.localiser;"
+        "import sys, onboard.estimate.factory, onboard.estimate.localiser_particle;"
         "sys.exit(any(m.split('.')[0] in ('filterpy', 'scipy') for m in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

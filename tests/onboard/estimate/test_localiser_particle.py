@@ -9,12 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.fleet import Localiser, Pose
-from onboard.estimate.localiser import (
-    LandmarkBearing,
-    ParticleLocaliser,
-    UpdateOutcome,
-    systematic_resample,
-)
+from onboard.estimate.localiser import LandmarkBearing, UpdateOutcome
+from onboard.estimate.localiser_particle import ParticleLocaliser, systematic_resample
 from onboard.model.vehicle import WheelMotion
 from tests.onboard.estimate.pair import DT, STD, WHEELBASE, Body
 
