@@ -32,9 +32,12 @@ def bad_input_told(json: bool) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def signals_end_it() -> Iterator[None]:
+def signals_end_it(
+    kept: str = "everything is stopped, the recording is kept",
+) -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the block as Ctrl-C does; exit with the usual codes.
 
+    `kept` tells what is left.
     SIGINT ends it too where a shell that put the command in the background had it ignored.
     """
 
@@ -47,10 +50,10 @@ def signals_end_it() -> Iterator[None]:
     try:
         yield
     except Terminated as error:
-        typer.echo(f"echelon: {error}: everything is stopped, the recording is kept", err=True)
+        typer.echo(f"echelon: {error}: {kept}", err=True)
         raise typer.Exit(TERMINATED) from error
     except KeyboardInterrupt as error:
-        typer.echo("echelon: interrupted: everything is stopped, the recording is kept", err=True)
+        typer.echo(f"echelon: interrupted: {kept}", err=True)
         raise typer.Exit(INTERRUPTED) from error
     finally:
         for number, handler in before.items():

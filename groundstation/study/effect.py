@@ -1,9 +1,9 @@
 """One erratum's effect: what the paper says, and one number for either reading."""
 
-from typing import NamedTuple
+import msgspec
 
 
-class Effect(NamedTuple):
+class Effect(msgspec.Struct, frozen=True):
     """`literal` is what the paper's reading does, `corrected` what ours does, in `unit`."""
 
     name: str

@@ -6,6 +6,8 @@ every time.
 
 from collections.abc import Callable, Iterable, Iterator
 
+import msgspec
+
 from groundstation.study.effect import Effect
 from groundstation.study.errata_control import (
     five_quarter_pi,
@@ -15,6 +17,14 @@ from groundstation.study.errata_control import (
 )
 from groundstation.study.errata_motion import arctan, euler, noise_per_step, steering_rate_schedule
 from groundstation.study.errata_relative import fork_rate_input, gamma_sign
+
+
+class ErrataReport(msgspec.Struct, frozen=True):
+    """What the command prints."""
+
+    mode: str
+    errata: dict[str, Effect]
+
 
 EXPERIMENTS: dict[str, Callable[[], Effect]] = {
     "literal-y3": literal_y3,

@@ -20,6 +20,8 @@ from onboard.model.vehicle import WheelMotion, axle_motion
 
 GAIN_PER_S = 2.0
 JUDGED_FROM_S = 3.0
+KNOWN_START_VARIANCE = 1e-4
+"""In place of the paper's P = 1.13, whose start-up errors would cover the switchings'."""
 STD_RAD = 0.05
 PREDICTED_S = 1.0
 
@@ -99,7 +101,9 @@ def _peak_heading_error(yaw_rate: Literal["body", "fork"]) -> float:
     d, front = me.vehicle.wheelbase_m, me.markers[0]
     truth = relative_truth(Car(me.start, d, 0.0), Car(leads.start, d, 0.0))
     prior = RelativePrior(truth.range_m, 0.1, truth.bearing_rad, 0.05, truth.heading_rad, 0.05)
-    settings = RelativeFilter(kind="paper", paper=PaperFilter(yaw_rate=yaw_rate))
+    settings = RelativeFilter(
+        kind="paper", paper=PaperFilter(start_variance=KNOWN_START_VARIANCE, yaw_rate=yaw_rate)
+    )
     estimator = make_relative_filter(settings, d, d, prior)
     worst = 0.0
     for time_s, own, leader, own_motion, leader_motion in _moments():

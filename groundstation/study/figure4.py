@@ -7,21 +7,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from groundstation.study.bound_cells import BoundResult
 from groundstation.study.drawing import COUNT_COLOURS, INK, decorate, save
-from groundstation.study.leader_cells import COUNTS, KEEP_EVERY, LeaderResult, kept_times_s
-from groundstation.study.scenario import Floats, landmark_positions, leader_truth, paper_fleet
+from groundstation.study.leader_cells import (
+    COUNTS,
+    KEEP_EVERY,
+    NOISE_PER_SQRT_S,
+    START_STD,
+    LeaderResult,
+    kept_times_s,
+)
+from groundstation.study.scenario import landmark_positions, leader_truth, paper_fleet
 
 Results = Mapping[int, Sequence[LeaderResult]]
-Curves = Mapping[int, Floats]
+Bounds = Mapping[int, Sequence[BoundResult]]
 ERRORS = (("(c)", "x", "m"), ("(d)", "y", "m"), ("(e)", "heading", "rad"))
 
 
 def draw_figure4(
-    title: str, results: Results, bounds: Curves, seeds: Sequence[int], folder: Path, name: str
+    title: str, results: Results, bounds: Bounds, seeds: Sequence[int], folder: Path, name: str
 ) -> list[Path]:
     """Six panels for one filter, as PNG and PDF.
 
-    `results` and `bounds` (RMS position error [m] at the kept times) are per landmark count.
+    `results` and `bounds` hold every seed, per number of landmarks.
     """
     figure = Figure(figsize=(9.5, 10.5), layout="constrained")
     panels = figure.subplots(3, 2).ravel().tolist()
@@ -38,7 +46,7 @@ def draw_figure4(
 def _paths(axes: Axes, results: Results, seed: int) -> None:
     decorate(axes, f"(a) true and estimated path, seed {seed}", "x [m]", "y [m]")
     source = paper_fleet()
-    true = leader_truth(source, seed).states
+    true = leader_truth(source, seed, NOISE_PER_SQRT_S, START_STD).states
     kept = true[KEEP_EVERY::KEEP_EVERY]
     for count in COUNTS:
         run = results[count][0]
@@ -52,14 +60,14 @@ def _paths(axes: Axes, results: Results, seed: int) -> None:
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _rmse(axes: Axes, results: Results, bounds: Curves, seeds: int) -> None:
+def _rmse(axes: Axes, results: Results, bounds: Bounds, seeds: int) -> None:
     decorate(axes, f"(b) position RMSE over {seeds} seeds", "time [s]", "RMSE [m]")
     times = kept_times_s()
     for count in COUNTS:
         squares = [np.square(r.x_m) + np.square(r.y_m) for r in results[count]]
         axes.semilogy(times, np.sqrt(np.mean(squares, axis=0)), color=COUNT_COLOURS[count], lw=1.5)
-        if count in bounds:
-            axes.semilogy(times, bounds[count], color=COUNT_COLOURS[count], lw=1.2, ls="--")
+        bound = np.sqrt(np.mean([each.variance_m2 for each in bounds[count]], axis=0))
+        axes.semilogy(times, bound, color=COUNT_COLOURS[count], lw=1.2, ls="--")
     axes.plot([], [], color=INK, lw=1.2, ls="--", label="lower bound (Riccati, along the paths)")
 
 

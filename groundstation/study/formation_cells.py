@@ -1,5 +1,7 @@
 """Figure 5's runs on the core alone: the fleet `paper`, one relative filter, one seed."""
 
+from typing import NamedTuple
+
 import msgspec
 import numpy as np
 
@@ -11,7 +13,34 @@ from groundstation.study.runner import Job
 from groundstation.study.scenario import DT_S, Floats, paper_fleet, wrapped
 
 FILTERS = {"paper": "paper", "ours": "ukf"}
-FORMATION_CELLS = tuple(f"formation-{kind}" for kind in FILTERS)
+ODOMETRY = {"exact": 0.0, "scaled": 0.01}
+DESCRIBED = {"exact": "exact", "scaled": "scaled by 1 %"}
+
+
+class FormationCell(NamedTuple):
+    """Which relative filter, and whether the odometry has its scale error."""
+
+    filter: str
+    odometry: str
+
+    @property
+    def name(self) -> str:
+        """The cell's name in a store, such as formation-ours-scaled."""
+        return f"formation-{self.filter}-{self.odometry}"
+
+    @property
+    def described(self) -> str:
+        """The cell in words."""
+        return f"{self.filter} filter, odometry {DESCRIBED[self.odometry]}"
+
+    @classmethod
+    def parse(cls, name: str) -> "FormationCell":
+        """The cell of that name."""
+        _, kind, odometry = name.split("-")
+        return cls(kind, odometry)
+
+
+FORMATION_CELLS = tuple(FormationCell(kind, odometry) for kind in FILTERS for odometry in ODOMETRY)
 
 
 class FollowerResult(msgspec.Struct, frozen=True):
@@ -40,23 +69,24 @@ class FormationResult(msgspec.Struct, frozen=True):
     followers: dict[str, FollowerResult]
 
 
-def fleet_with_filter(kind: str) -> Fleet:
-    """The fleet `paper` with the relative filter of that column ("paper" or "ours")."""
+def fleet_of(cell: FormationCell) -> Fleet:
+    """The fleet `paper` with the cell's filter and odometry."""
     source = paper_fleet()
+    kind = {"kind": FILTERS[cell.filter]}
     robots = {
         name: robot.model_copy(
-            update={
-                "relative_filter": robot.relative_filter.model_copy(update={"kind": FILTERS[kind]})
-            }
+            update={"relative_filter": robot.relative_filter.model_copy(update=kind)}
         )
         for name, robot in source.robots.items()
     }
-    return source.model_copy(update={"robots": robots})
+    error = {"odometry_scale_error": ODOMETRY[cell.odometry]}
+    simulation = source.simulation.model_copy(update=error)
+    return source.model_copy(update={"robots": robots, "simulation": simulation})
 
 
 def run_formation(job: Job) -> FormationResult:
     """One seed of one cell."""
-    source = fleet_with_filter(job.cell.removeprefix("formation-"))
+    source = fleet_of(FormationCell.parse(job.cell))
     run = drive_formation(source, job.seed)
     return FormationResult({name: _judged(source, run, name) for name in run.seen})
 

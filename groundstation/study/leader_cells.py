@@ -28,8 +28,9 @@ from onboard.estimate.beliefs import PoseBelief
 from onboard.estimate.localiser import LandmarkBearing
 
 COUNTS = (0, 1, 2, 3, 4)
-FILTERS = ("paper", "ours")
+FILTERS = {"paper": "the paper's filter, 500 particles", "ours": "our default localiser"}
 STD_RAD = 0.05
+NOISE_PER_SQRT_S, START_STD = 0.05, 0.05
 KEEP_EVERY = 5
 JUDGED_FROM_S = 0.5
 STATES = 4
@@ -52,9 +53,6 @@ class LeaderCell(NamedTuple):
         """The cell of that name."""
         _, kind, count = name.split("-")
         return cls(kind, int(count))
-
-
-LEADER_CELLS = tuple(LeaderCell(kind, count) for kind in FILTERS for count in COUNTS)
 
 
 class LeaderResult(msgspec.Struct, frozen=True):
@@ -87,7 +85,7 @@ def run_leader(job: Job) -> LeaderResult:
     cell = LeaderCell.parse(job.cell)
     source = paper_fleet()
     landmarks = landmark_positions(source, cell.landmarks)
-    truth = leader_truth(source, job.seed)
+    truth = leader_truth(source, job.seed, NOISE_PER_SQRT_S, START_STD)
     true = true_bearings(truth.states[1:], list(landmarks.values()), "fork")
     measured = measured_bearings(true, job.seed, STD_RAD)
     localiser = _make(cell.filter, source, landmarks, job.seed)

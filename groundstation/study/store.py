@@ -15,7 +15,6 @@ from groundstation.errors import GroundError
 
 MANIFEST = "study.json"
 CELLS = "cells"
-SOURCES = ("onboard/model", "onboard/estimate", "onboard/control", "groundstation/study")
 
 R = TypeVar("R")
 
@@ -110,11 +109,10 @@ def _check(folder: Path, manifest: Manifest, resume: bool) -> None:
             )
 
 
-def code_fingerprint() -> str:
-    """Digest of the sources that a study's numbers come from."""
+def code_fingerprint(patterns: Iterable[str]) -> str:
+    """Digest of the sources that a study's numbers come from, as patterns from the top folder."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
-    for folder in SOURCES:
-        for path in sorted((root / folder).glob("*.py")):
-            digest.update(path.name.encode() + path.read_bytes())
+    for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
+        digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
