@@ -7,7 +7,6 @@ import numpy as np
 
 from config import fleet
 from groundstation.study.effect import Effect
-from groundstation.study.paper_particles import PaperParticles
 from groundstation.study.scenario import (
     DT_S,
     landmark_positions,
@@ -20,6 +19,7 @@ from groundstation.study.scenario import (
     wrapped,
 )
 from onboard.estimate.localiser import LandmarkBearing
+from onboard.estimate.localiser_particle import ParticleLocaliser
 from onboard.model.vehicle import VehicleState, front_drive_rates, step_midpoint, step_rk4
 
 Rates = Callable[[VehicleState], VehicleState]
@@ -103,7 +103,9 @@ def _localiser_rmse(noise: float, seeds: int) -> float:
         truth = leader_truth(source, seed, noise)
         true = true_bearings(truth.states[1:], list(landmarks.values()), "fork")
         measured = measured_bearings(true, seed, 0.05)
-        localiser = PaperParticles(settings, WHEELBASE_M, "fork", landmarks, robot.start, seed)
+        localiser = ParticleLocaliser(
+            settings, WHEELBASE_M, "fork", landmarks, robot.start, seed, known_rate="fork"
+        )
         for step, (inputs, row) in enumerate(zip(truth.inputs, measured.tolist(), strict=True)):
             localiser.predict(DT_S, inputs.speed_mps, inputs.fork_rate_radps)
             localiser.update(

@@ -5,13 +5,12 @@ so the cells differ in nothing but filter and landmarks. Bearings are the fork's
 """
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from config import fleet
-from groundstation.study.paper_particles import PaperParticles
 from groundstation.study.runner import Job
 from groundstation.study.scenario import (
     DT_S,
@@ -25,7 +24,8 @@ from groundstation.study.scenario import (
     wrapped,
 )
 from onboard.estimate.beliefs import PoseBelief
-from onboard.estimate.localiser import LandmarkBearing
+from onboard.estimate.localiser import LandmarkBearing, Localiser
+from onboard.estimate.localiser_particle import ParticleLocaliser
 
 COUNTS = (0, 1, 2, 3, 4)
 FILTERS = {"paper": "the paper's filter, 500 particles", "ours": "our default localiser"}
@@ -72,14 +72,6 @@ class LeaderResult(msgspec.Struct, frozen=True):
     nis: float | None
 
 
-class _Localiser(Protocol):
-    def predict(self, dt_s: float, speed_mps: float, fork_rate_radps: float) -> None: ...
-
-    def update(self, bearings: list[LandmarkBearing]) -> object: ...
-
-    def estimate(self) -> PoseBelief: ...
-
-
 def run_leader(job: Job) -> LeaderResult:
     """One seed of one cell."""
     cell = LeaderCell.parse(job.cell)
@@ -94,10 +86,16 @@ def run_leader(job: Job) -> LeaderResult:
 
 def _make(
     kind: str, source: fleet.Fleet, landmarks: dict[int, tuple[float, float]], seed: int
-) -> _Localiser:
+) -> Localiser:
     robot = next(robot for robot in source.robots.values() if robot.leader is None)
-    return PaperParticles(
-        robot.localiser, robot.vehicle.wheelbase_m, "fork", landmarks, robot.start, seed
+    return ParticleLocaliser(
+        robot.localiser,
+        robot.vehicle.wheelbase_m,
+        "fork",
+        landmarks,
+        robot.start,
+        seed,
+        known_rate="fork",
     )
 
 
@@ -110,7 +108,7 @@ class _Sampled(NamedTuple):
 
 
 def _run(
-    localiser: _Localiser,
+    localiser: Localiser,
     landmarks: dict[int, tuple[float, float]],
     truth: Truth,
     measured: Floats,
@@ -120,14 +118,20 @@ def _run(
         localiser.predict(DT_S, inputs.speed_mps, inputs.fork_rate_radps)
         keep = step % KEEP_EVERY == 0
         if keep and landmarks:
-            sampled.nis.append(_nis(localiser.estimate(), landmarks, row))
+            sampled.nis.append(_nis(_belief(localiser), landmarks, row))
         if landmarks:
             bearings = zip(landmarks, row.tolist(), strict=True)
             localiser.update([LandmarkBearing(m, b, STD_RAD, 0.0) for m, b in bearings])
         if keep:
             sampled.steps.append(step)
-            sampled.beliefs.append(localiser.estimate())
+            sampled.beliefs.append(_belief(localiser))
     return sampled
+
+
+def _belief(localiser: Localiser) -> PoseBelief:
+    belief = localiser.estimate()
+    assert belief is not None, "the start is known"
+    return belief
 
 
 def _nis(belief: PoseBelief, landmarks: dict[int, tuple[float, float]], row: Floats) -> float:

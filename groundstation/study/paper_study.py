@@ -50,7 +50,6 @@ NUMBERS_FROM = (
     "groundstation/study/*_cells.py",
     "groundstation/study/bound.py",
     "groundstation/study/formation.py",
-    "groundstation/study/paper_particles.py",
     "groundstation/study/scenario.py",
 )
 
