@@ -18,7 +18,8 @@ types: setup
 	$(BIN)/mypy
 
 check: setup
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n 2 -m "not process" $(ARGS)
+	$(BIN)/python -m pytest -m process $(ARGS)
 
 setup: $(READY)
 
