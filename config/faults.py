@@ -141,8 +141,8 @@ class Fault(Section):
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
-    at_s: NonNegative = Field(default=0.0, alias="at")
-    for_s: Positive | None = Field(default=None, alias="for")
+    at_s: NonNegative = Field(default=0.0, validation_alias="at")
+    for_s: Positive | None = Field(default=None, validation_alias="for")
     robot: str
     device: str
     kind: str

@@ -204,6 +204,37 @@ class Truth(Message, frozen=True, kw_only=True):
     speed_mps: float
 
 
+class SimulatedBus(Message, frozen=True, kw_only=True):
+    """A simulated robot's CAN bus over the last second, 1 Hz, from sim_hw only.
+
+    `load` is the share of the time that the bus was taken; `errors` counts error frames on it. The
+    host's controller: error state, transmit and receive error counters, frames lost so far to a
+    full transmit queue.
+    """
+
+    robot: str
+    load: float
+    frames: int
+    errors: int
+    host_state: str
+    transmit_errors: int
+    receive_errors: int
+    host_overflowed: int
+
+
+class FaultOrder(msgspec.Struct, frozen=True, kw_only=True):
+    """A fault to inject into a device of a simulated robot now; `config.faults` has the kinds.
+
+    Answered with a CommandReply.
+    """
+
+    device: str
+    kind: str
+    for_s: float | None = None
+    value: float | None = None
+    operator: str = ""
+
+
 _ENCODER = msgspec.json.Encoder()
 
 

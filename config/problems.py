@@ -74,8 +74,9 @@ def schema_problem(root: Entry, error: ErrorDetails, model: type[BaseModel] = Fl
 
 def _known_keys(model: type[BaseModel], path: Path) -> str:
     owner = _model_at(model, path[:-1])
-    fields = [field.alias or name for name, field in owner.model_fields.items()]
-    known = [*fields, *FILE_ONLY_KEYS.get(owner, ())]
+    fields = [(field.validation_alias, name) for name, field in owner.model_fields.items()]
+    names = [alias if isinstance(alias, str) else name for alias, name in fields]
+    known = [*names, *FILE_ONLY_KEYS.get(owner, ())]
     near = get_close_matches(str(path[-1]), known, 1, cutoff=0.5)
     return f"did you mean `{near[0]}`?" if near else f"known here: {', '.join(sorted(known))}"
 

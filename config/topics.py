@@ -1,7 +1,8 @@
 """The one registry of Zenoh topics: key, message type, rate, staleness, recording.
 
 Keys are `echelon/<fleet>/<robot>/<topic>`. Truth lives in a tree of its own,
-`truth/<fleet>/<robot>/pose`, so that no key expression of a robot can reach it.
+`truth/<fleet>/<robot>/pose`, so that no key expression of a robot can reach it, and so do the
+buses and faults of simulated hardware: `sim/<fleet>/<robot>/<topic>`.
 """
 
 from dataclasses import dataclass
@@ -44,8 +45,10 @@ OBSERVABILITY = Topic(
 
 ROBOTS_OWN: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, OBSERVABILITY)
 """What every robot publishes."""
+SIM_BUS = Topic("bus", "sim/{fleet}/{robot}/bus", messages.SimulatedBus, 1.0, 3.0)
+FAULT = Topic("fault", "sim/{fleet}/{robot}/fault", messages.FaultOrder, recorded=False)
 
-PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, ESTOP, TRUTH)
+PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, ESTOP, TRUTH, SIM_BUS)
 
 
 def liveliness_key(fleet: str, process: str) -> str:

@@ -60,6 +60,9 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results; default: one under runs/.")
     ] = None,
+    faults: Annotated[
+        Path | None, typer.Option(help="Scripted faults of the simulated hardware (YAML).")
+    ] = None,
     ground: Ground = None,
     json: Json = False,
 ) -> None:
@@ -71,7 +74,7 @@ def demo(
 
         console = _stderr()
         loaded = _load(fleet, ground)
-        folder, judged = run_demo(Options(loaded, seed, lockstep, out, console))
+        folder, judged = run_demo(Options(loaded, seed, lockstep, out, console, faults))
         if json:
             sys.stdout.write(to_json(judged).decode())
         else:
@@ -208,6 +211,31 @@ def estop(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) 
 
         report = fleet_commands.estop(_load(fleet, ground))
         _write(report, json)
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
+@app.command(epilog="Example: echelon fault r2 bearing stuck --for 2s")
+def fault(
+    robot: Annotated[str, typer.Argument(help="Name of a simulated robot.")],
+    device: Annotated[str, typer.Argument(help="steering, drive, encoder, bearing or bus.")],
+    kind: Annotated[str, typer.Argument(help="What befalls it (docs/faults.md); ok ends all.")],
+    for_: Annotated[
+        str | None, typer.Option("--for", metavar="TIME", help="2s, 500ms; default: for ever.")
+    ] = None,
+    value: Annotated[float | None, typer.Option(help="How much; default: the kind's own.")] = None,
+    fleet: FleetName = "demo",
+    ground: Ground = None,
+    json: Json = False,
+) -> None:
+    """Inject a fault into the simulated hardware of a running fleet."""
+    with bad_input_told(json):
+        from config.faults import Fault
+        from groundstation import fault_command
+
+        for_s = None if for_ is None else fault_command.seconds(for_)
+        wanted = Fault(robot=robot, device=device, kind=kind, for_s=for_s, value=value)
+        report = fault_command.inject(_load(fleet, ground), wanted)
+        typer.echo(fault_command.to_json(report) if json else fault_command.to_text(report))
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 
 

@@ -1,5 +1,6 @@
 """A whole run on one machine: simulated hardware, the robots' own program, record, judgement."""
 
+import shutil
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -8,6 +9,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from config.fault_script import load_faults
+from config.faults import FaultScript
 from config.fleet import Fleet
 from groundstation import run_folder
 from groundstation.conductor import Commands, Conductor
@@ -22,16 +25,19 @@ from groundstation.series import read_run
 from groundstation.summary import Fault, Mode, Summary
 from groundstation.supervisor import Supervisor
 
+FAULTS = "faults.yaml"
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to run a demo. `console` is where progress is told."""
+    """How to run a demo. `console` is where progress is told, `faults` a file of scripted ones."""
 
     fleet: Fleet
     seed: int
     lockstep: bool
     out: Path | None
     console: Console
+    faults: Path | None = None
 
 
 def run_demo(options: Options) -> tuple[RunFolder, Summary]:
@@ -40,11 +46,14 @@ def run_demo(options: Options) -> tuple[RunFolder, Summary]:
     Raises GroundError when the run cannot be set up. On KeyboardInterrupt the robots are stopped,
     the processes ended and the recording closed before it goes on.
     """
+    script = _script(options)
     folder = run_folder.create(options.fleet.name, options.lockstep, options.out)
     options.console.print(
         f"run folder: {folder.path}", highlight=False, markup=False, soft_wrap=True
     )
-    incidents = _lockstep(options, folder) if options.lockstep else _live(options, folder)
+    if options.faults is not None:
+        shutil.copyfile(options.faults, folder.path / FAULTS)
+    incidents = _lockstep(options, folder, script) if options.lockstep else _live(options, folder)
     mode: Mode = "lockstep" if options.lockstep else "processes"
     run = read_run(folder.recording)
     judged = evaluate(
@@ -73,7 +82,7 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
             Supervisor(folder.logs) as supervisor,
             display(options.console) as shown,
         ):
-            commands = _commands(fleet, folder, options.seed)
+            commands = _commands(fleet, folder, options)
             conductor = Conductor(fleet, commands, link, recorder, supervisor, shown)
             try:
                 return conductor.drive()
@@ -82,10 +91,16 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
                 raise
 
 
-def _commands(fleet: Fleet, folder: RunFolder, seed: int) -> Commands:
-    common = ["--fleet", str(folder.fleet), "--seed", str(seed)]
+def _script(options: Options) -> FaultScript | None:
+    """The scripted faults, judged before anything is started. Raises FleetFileError."""
+    return load_faults(options.faults, options.fleet.robots) if options.faults else None
+
+
+def _commands(fleet: Fleet, folder: RunFolder, options: Options) -> Commands:
+    common = ["--fleet", str(folder.fleet), "--seed", str(options.seed)]
+    faults = ["--faults", str(folder.path / FAULTS)] if options.faults else []
     return Commands(
-        simulator=[sys.executable, "-m", "sim_hw", *common],
+        simulator=[sys.executable, "-m", "sim_hw", *common, *faults],
         robots={
             name: [sys.executable, "-m", "onboard", *common, "--robot", name]
             for name in fleet.robots
@@ -93,7 +108,7 @@ def _commands(fleet: Fleet, folder: RunFolder, seed: int) -> Commands:
     )
 
 
-def _lockstep(options: Options, folder: RunFolder) -> list[Fault]:
+def _lockstep(options: Options, folder: RunFolder, script: FaultScript | None) -> list[Fault]:
     from groundstation.lockstep import LockstepFailed, run_lockstep
 
     fleet = options.fleet
@@ -110,6 +125,7 @@ def _lockstep(options: Options, folder: RunFolder) -> list[Fault]:
                 options.seed,
                 recorder.write,
                 lambda mission_s: progress.update(task, completed=mission_s),
+                script,
             )
         except LockstepFailed as failure:
             return [Fault("fleet", 0.0, str(failure))]

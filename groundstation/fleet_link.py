@@ -14,7 +14,7 @@ from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, Message, encode
+from config.messages import Command, CommandReply, Estop, FaultOrder, Message, encode
 from config.topics import Topic
 from config.zenoh_settings import session_config
 from groundstation import keys
@@ -24,7 +24,9 @@ from groundstation.fleet_view import FleetView
 BACKLOG = 8192
 REPLY_TIMEOUT_S = 2.0
 ESTOP_PERIOD_S = 0.05
+NO_ANSWER = f"no answer within {REPLY_TIMEOUT_S:g} s"
 POLL_S = 0.01
+NOT_SIMULATED = "no simulated hardware answers for it: is echelon-sim running with this robot?"
 ANY_LOOPBACK = "tcp/127.0.0.1:0"
 
 
@@ -143,6 +145,17 @@ class FleetLink:
         }
         return {robot: _reply(robot, replies) for robot, replies in pending.items()}
 
+    def order_fault(self, robot: str, order: FaultOrder) -> CommandReply:
+        """Send a fault to the simulated hardware of a robot; without an answer it is refused."""
+        key = topics.FAULT.key(self._fleet.name, robot)
+        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        while True:
+            replies = self._session.get(key, payload=encode(order), timeout=REPLY_TIMEOUT_S)
+            reply = _reply(robot, replies, NOT_SIMULATED)
+            if reply.reason != NOT_SIMULATED or time.monotonic() > deadline:
+                return reply
+            time.sleep(POLL_S)
+
     def publish_estop(self) -> None:
         """Publish the emergency stop once."""
         self._estops_sent += 1
@@ -188,7 +201,9 @@ def operator() -> str:
     return f"{getpass.getuser()}@{socket.gethostname()}"
 
 
-def _reply(robot: str, replies: zenoh.handlers.Handler[zenoh.Reply]) -> CommandReply:
+def _reply(
+    robot: str, replies: zenoh.handlers.Handler[zenoh.Reply], no_answer: str = NO_ANSWER
+) -> CommandReply:
     for reply in replies:
         if reply.ok is None:
             continue
@@ -198,9 +213,7 @@ def _reply(robot: str, replies: zenoh.handlers.Handler[zenoh.Reply]) -> CommandR
             return CommandReply(
                 robot=robot, accepted=False, reason=f"its answer cannot be read: {error}"
             )
-    return CommandReply(
-        robot=robot, accepted=False, reason=f"no answer within {REPLY_TIMEOUT_S:g} s"
-    )
+    return CommandReply(robot=robot, accepted=False, reason=no_answer)
 
 
 def _open(listen: str, connect: list[str]) -> zenoh.Session:

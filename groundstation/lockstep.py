@@ -13,6 +13,7 @@ import numpy as np
 
 from config import topics
 from config.can.database import CanDatabase
+from config.faults import FaultScript
 from config.fleet import Fleet
 from config.messages import Command, CommandReply, Estop, LoopHealth, Motion, Status, Truth, encode
 from config.topics import Topic
@@ -251,16 +252,23 @@ class Lockstep:
 
 
 def run_lockstep(
-    fleet: Fleet, seed: int, record: Record, progress: Callable[[float], None] | None = None
+    fleet: Fleet,
+    seed: int,
+    record: Record,
+    progress: Callable[[float], None] | None = None,
+    script: FaultScript | None = None,
 ) -> None:
     """Drive the fleet's mission from standing still to standing still.
 
-    `progress` is told the mission time [s] about once a second of virtual time.
+    `progress` is told the mission time [s] about once a second of virtual time; `script` holds
+    faults of the emulated hardware.
 
     Raises:
         LockstepFailed: a robot does not become ready or refuses a command.
     """
     with Lockstep(fleet, seed, record) as lockstep:
+        if script is not None:
+            lockstep.simulation.play(script)
         lockstep.start_mission()
         limit_s = fleet.mission.duration_s + STOP_LIMIT_S
         end_s = lockstep.now_s + limit_s

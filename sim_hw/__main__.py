@@ -12,13 +12,16 @@ import zenoh
 
 from config import topics
 from config.can.database import CanDatabase, DatabaseMismatch
+from config.fault_script import load_faults
+from config.faults import FaultScript
 from config.fleet import Fleet
 from config.loader import FleetFileError, load_fleet, resolve_fleet
 from config.realtime import request_realtime
 from config.runtime import expand_channel
 from config.zenoh_settings import session_config
 from sim_hw.fleet import SimulatedFleet
-from sim_hw.serve import Buses, TruthPublisher, run
+from sim_hw.live_faults import LiveFaults
+from sim_hw.serve import Buses, Publisher, run
 from sim_hw.simcan.server import ChannelError, SimCanServer
 
 BAD_INPUT = 2
@@ -37,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         fleet = load_fleet(resolve_fleet(options.fleet)).fleet
         names = _chosen(fleet, options.robots)
-        _simulate(fleet, names, options.seed, options.ground or fleet.ground)
+        script = load_faults(options.faults, names) if options.faults else None
+        _simulate(fleet, names, options.seed, options.ground or fleet.ground, script)
     except (FleetFileError, DatabaseMismatch, BadRequest, ChannelError, zenoh.ZError) as error:
         _say(str(error))
         return BAD_INPUT
@@ -52,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--robots", help="names, separated by commas (default: all of the fleet)")
     parser.add_argument("--seed", type=int, default=0, help="of all noise and errors (default 0)")
     parser.add_argument("--ground", help="ground station's endpoint (default: the fleet file's)")
+    parser.add_argument("--faults", type=Path, help="file of scripted faults (docs/faults.md)")
     return parser
 
 
@@ -72,7 +77,9 @@ def _chosen(fleet: Fleet, wanted: str | None) -> list[str]:
     return [name for name in fleet.robots if name in names]
 
 
-def _simulate(fleet: Fleet, names: Sequence[str], seed: int, ground: str) -> None:
+def _simulate(
+    fleet: Fleet, names: Sequence[str], seed: int, ground: str, script: FaultScript | None
+) -> None:
     stop_signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: stop_signals.append(received))
@@ -81,13 +88,16 @@ def _simulate(fleet: Fleet, names: Sequence[str], seed: int, ground: str) -> Non
     with _served(fleet, names) as servers, zenoh.open(settings) as session:
         simulated = SimulatedFleet(fleet, seed, time.monotonic(), database, names)
         buses = Buses(simulated, servers)
-        truth = TruthPublisher(session, fleet.name, simulated.robots)
+        if script is not None:
+            simulated.play(script)
+        publisher = Publisher(session, fleet.name, simulated.robots)
+        live = LiveFaults(session, fleet.name, names, simulated)
         token = session.liveliness().declare_token(topics.liveliness_key(fleet.name, "sim"))
         _say(f"serving {', '.join(names)} of fleet {fleet.name}, seed {seed}")
         refusal = request_realtime(fleet.simulation.realtime_priority)
         if refusal is not None:
             _say(f"no real-time priority: {refusal}")
-        lateness = run(buses, truth, lambda: bool(stop_signals), _say)
+        lateness = run(buses, publisher, live, lambda: bool(stop_signals), _say)
         token.undeclare()
         _say(f"{lateness}; {buses.dropped} frames lost to clients that did not read")
 

@@ -78,6 +78,11 @@ class TimedBus:
             self._next_s = min(self._next_s, max(frame.t_s, self._free_s))
         return True
 
+    @property
+    def host_full(self) -> bool:
+        """Whether the host's controller would refuse a frame now."""
+        return len(self.host.queue) >= self.host.limit or HOST in self._restarts
+
     def advance(self, t_s: float) -> None:
         """Let everything happen that happens on the bus until `t_s`."""
         if self._faults.any or self._restarts:

@@ -19,6 +19,8 @@ RECORD = struct.Struct("<IBB2x8sd")
 FLAG_EXTENDED = 0x01
 FLAG_REMOTE = 0x02
 FLAG_ERROR = 0x04
+FLAG_CONTROL = 0x08
+"""No frame: byte 0 says whether the host's transmit queue is full."""
 
 _MAX_DATA = 8
 
@@ -77,6 +79,7 @@ class SimCanBus(can.BusABC):
                 error.errno,
             ) from error
         self._socket.setblocking(False)
+        self._queue_full = False
         super().__init__(channel=channel, can_filters=can_filters, **kwargs)
 
     def fileno(self) -> int:
@@ -114,14 +117,20 @@ class SimCanBus(can.BusABC):
             raise self._lost(error) from error
         if not record:
             raise self._lost(None)
+        if record[4] & FLAG_CONTROL:
+            self._queue_full = bool(record[8])
+            return self._receive_record()
         return record
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Put a message on the bus, waiting up to `timeout` seconds (None and 0 do not wait).
 
-        Raises `CanOperationError` when the transmit buffer stays full or the bus is gone.
+        Raises `CanOperationError` when the transmit buffer stays full or the bus is gone. What the
+        simulated controller's queue says is learnt on receiving.
         """
         record = pack_message(msg)
+        if self._queue_full:
+            raise can.CanOperationError("Transmit buffer full")
         deadline_s = time.monotonic() + (timeout or 0.0)
         while True:
             try:

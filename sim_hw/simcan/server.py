@@ -10,7 +10,8 @@ import socket
 from pathlib import Path
 
 from config.can.frame import Frame
-from sim_hw.simcan.bus import FLAG_ERROR, FLAG_EXTENDED, FLAG_REMOTE, RECORD
+from sim_hw.error_frames import ERROR_FLAG
+from sim_hw.simcan.bus import FLAG_CONTROL, FLAG_ERROR, FLAG_EXTENDED, FLAG_REMOTE, RECORD
 
 _BACKLOG = 8
 _MAX_PATH_BYTES = 107
@@ -73,11 +74,22 @@ class SimCanServer:
         return frames
 
     def send(self, frame: Frame, wall_s: float) -> None:
-        """Send a device's frame to every client, stamped with wall-clock time `wall_s`."""
+        """Send a device's frame, or an error frame, to every client, stamped with `wall_s`."""
         if self._clients:
             flags = FLAG_REMOTE if frame.remote else 0
-            record = RECORD.pack(frame.can_id, flags, len(frame.data), frame.data, wall_s)
+            if frame.can_id & ERROR_FLAG:
+                flags |= FLAG_ERROR
+            can_id = frame.can_id & ~ERROR_FLAG
+            record = RECORD.pack(can_id, flags, len(frame.data), frame.data, wall_s)
             self._relay(record, None)
+
+    def tell_queue(self, full: bool) -> None:
+        """Tell every client whether the host's transmit queue is full."""
+        self._relay(RECORD.pack(0, FLAG_CONTROL, 1, bytes((full,)), 0.0), None)
+
+    def reopen(self) -> None:
+        """Serve the same path again after `close`. Raises ChannelError."""
+        self._listener = _listen(self.path)
 
     def close(self) -> None:
         """Disconnect everybody and remove the socket file."""
