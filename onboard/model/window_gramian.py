@@ -24,6 +24,9 @@ ENCODER_STD_RAD = 0.01
 UNBOUNDED_M = 1e3
 """A deviation beyond this counts as: the window says nothing."""
 
+NEAREST_M = 0.05
+"""A landmark believed nearer than this counts as this far away."""
+
 
 class PathPoint(NamedTuple):
     """A place on the dead-reckoned path, and what an error of the steering angle does up to it.
@@ -106,7 +109,7 @@ def window_gramian(
         index, mark_x, mark_y, weight = np.array(sights).T
         px, py, bx, by, back = _back_to(looks, here, heading_rad)[:, index.astype(np.intp)]
         dx, dy = px + (place_m[0] - mark_x), py + (place_m[1] - mark_y)
-        square = dx * dx + dy * dy
+        square = np.maximum(dx * dx + dy * dy, NEAREST_M**2)
         nx, ny = -dy / square, dx / square
         fork = 1.0 if mounting == "fork" else 0.0
         rows = np.stack((nx, ny, ny * px - nx * py - 1.0, nx * bx + ny * by - back - fork))
@@ -130,7 +133,9 @@ def _back_to(looks: Sequence[Look], here: PathPoint, heading_rad: float) -> Arra
 
 
 def weakness(gramian: Array) -> Weakness:
-    """The weakest direction of a Gramian."""
+    """The weakest direction of a Gramian; one that is not finite says nothing of anything."""
+    if not np.isfinite(gramian).all():
+        return Weakness(None, 0.0, 4, (1.0, 0.0, 0.0, 0.0))
     values, vectors = np.linalg.eigh(gramian)
     least = max(float(values[0]), 0.0)
     x, y, theta, delta = vectors[:, 0].tolist()

@@ -181,6 +181,11 @@ def test_a_good_mission_ends_with_code_0(tmp_path: Path) -> None:
     assert "r2: weakest at" in result.stdout
 
 
+def test_help_shows_an_example() -> None:
+    result = CliRunner().invoke(app, ["doctor", "--help"])
+    assert "Example: echelon doctor --mission" in result.stdout
+
+
 def test_the_doctor_asks_what_to_examine() -> None:
     result = CliRunner().invoke(app, ["doctor"])
     assert result.exit_code == UNUSABLE

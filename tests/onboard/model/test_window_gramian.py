@@ -92,3 +92,11 @@ def test_rotation_about_the_only_landmark_stays_exactly_unseen() -> None:
     x, y, theta, delta = weakest.direction
     assert (x / theta, y / theta) == pytest.approx((2.0 - 0.2, -(6.0 - 0.3)), abs=1e-4)
     assert delta == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_landmark_at_the_robot_and_a_lost_pose_break_nothing() -> None:
+    looks = [Look(PATH_START, {1: 1e4})]
+    at_it = window_gramian(looks, PATH_START, (6.0, 2.0), 0.0, {1: (6.0, 2.0)}, "body")
+    assert np.isfinite(at_it).all()
+    lost = window_gramian(looks, PATH_START, (math.nan, 2.0), 0.0, {1: (6.0, 2.0)}, "body")
+    assert weakness(lost).std_m is None
