@@ -16,6 +16,7 @@ from onboard.model.vehicle import WheelMotion
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen
 from onboard.safety.range_watch import RangeWatch, unobservable
+from onboard.sightings import SightingBox
 
 STANDING_MPS = 0.02
 SETTLED_RANGE_FRACTION = 0.1
@@ -40,7 +41,7 @@ class Follower:
         self._filter: RelativeFilter | None = None
         self._motion: Motion | None = None
         self._leader_wheel = WheelMotion(0.0, 0.0)
-        self._used_sighting_ns = 0
+        self._sightings = SightingBox(name)
         self._driving = False
         self._nis = 0.0
         self.observability = RangeMonitor(self._robot, self._leader, self._leader_name)
@@ -48,9 +49,12 @@ class Follower:
         self._range_watch = RangeWatch(self._robot, self._leader_name, self._offset)
 
     def hear(self, motion: Motion) -> None:
-        """Keep the leader's newest message."""
+        """Keep the leader's newest message, and from every message what it saw of this robot."""
+        if motion.robot != self._leader_name:
+            return
+        self._sightings.put(motion)
         newest_ns = -1 if self._motion is None else self._motion.t_ns
-        if motion.robot != self._leader_name or motion.t_ns <= newest_ns:
+        if motion.t_ns <= newest_ns:
             return
         self._motion = motion
         if motion.valid:
@@ -79,7 +83,7 @@ class Follower:
                         seen.body_rad, seen.std_rad, marker, seen.age_s
                     )
                 )
-        self._use_sightings(self._filter, motion, at)
+        self._use_sightings(self._filter, at)
         self.observability.observe(dt_s, odometry, self._leader_wheel, self._filter.estimate)
         if self._driving:
             belief, told = self._filter.estimate(), self._filter.range_told
@@ -97,20 +101,12 @@ class Follower:
             expected_start(self._robot, self._leader),
         )
 
-    def _use_sightings(self, estimator: RelativeFilter, motion: Motion, at: Stamp) -> None:
+    def _use_sightings(self, estimator: RelativeFilter, at: Stamp) -> None:
         """Mutual bearings: what the leader saw of this robot, each used once."""
-        clock_offset_ns = motion.wall_ns - motion.t_ns
-        newest_ns = self._used_sighting_ns
-        for seen in motion.sightings:
+        for seen, age_s in self._sightings.take(at.wall_s):
             marker = self._own_markers.get(seen.marker)
-            if seen.target != self._name or marker is None or seen.t_ns <= self._used_sighting_ns:
-                continue
-            age_s = at.wall_s - (seen.t_ns + clock_offset_ns) * 1e-9
-            self._count(
-                estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, max(0.0, age_s))
-            )
-            newest_ns = max(newest_ns, seen.t_ns)
-        self._used_sighting_ns = newest_ns
+            if marker is not None:
+                self._count(estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, age_s))
 
     def start(self, steering_rad: float) -> None:
         """Wait for the leader to move."""
