@@ -36,7 +36,7 @@ class SightingBox:
             del self._known[next(iter(self._known))]
 
     def take(self, wall_s: float) -> list[AgedSighting]:
-        """What came in since the last call, oldest first, unless the filter no longer knows then."""
+        """What came in since the last call, oldest first; nothing older than `KEPT_S`."""
         waiting, self._waiting = sorted(self._waiting, key=lambda each: each[0]), []
         return [
             AgedSighting(seen, max(0.0, wall_s - taken_s))
