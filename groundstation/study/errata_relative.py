@@ -19,7 +19,7 @@ from onboard.model.relative import RelativeState, rear_axle_rates
 from onboard.model.vehicle import WheelMotion, axle_motion
 
 GAIN_PER_S = 2.0
-JUDGED_FROM_S = 3.0
+JUDGED_FROM_S, JUDGED_TO_S = 3.0, 5.0
 KNOWN_START_VARIANCE = 1e-4
 """In place of the paper's P = 1.13, whose start-up errors would cover the switchings'."""
 STD_RAD = 0.05
@@ -43,7 +43,7 @@ def fork_rate_input() -> Effect:
         "(29)-(38)",
         "omega of (3), the fork's rate, as yaw rate of the paper's filter",
         "yaw rate v sin(delta)/d",
-        "largest direction-angle error at the switchings, no noise",
+        "largest direction-angle error at the first switching, no noise",
         "rad",
         _peak_heading_error("fork"),
         _peak_heading_error("body"),
@@ -96,7 +96,7 @@ def _robots() -> tuple[Robot, Robot]:
 
 
 def _peak_heading_error(yaw_rate: Literal["body", "fork"]) -> float:
-    """Largest error of alpha [rad] in the paper's own filter from `JUDGED_FROM_S` on."""
+    """Largest error of alpha [rad] in the paper's own filter about the switching at 4 s."""
     me, leads = _robots()
     d, front = me.vehicle.wheelbase_m, me.markers[0]
     truth = relative_truth(Car(me.start, d, 0.0), Car(leads.start, d, 0.0))
@@ -111,6 +111,8 @@ def _peak_heading_error(yaw_rate: Literal["body", "fork"]) -> float:
         truth = relative_truth(own, leader)
         estimator.update_leader_marker(truth.bearing_rad, STD_RAD, front, 0.0)
         estimator.update_mutual(leader.bearing_to(own.place(front)), STD_RAD, front, 0.0)
+        if time_s > JUDGED_TO_S:
+            break
         if time_s >= JUDGED_FROM_S:
             worst = max(worst, abs(estimator.estimate().heading_rad - truth.heading_rad))
     return worst
