@@ -179,7 +179,7 @@ class TimedBus:
         sender.sending_failed()
         for node in self._nodes:
             if node is not sender and node.name != BABBLER and node.name not in self._restarts:
-                node.hearing_failed()
+                node.hearing_failed(alone=node is self.host and self._faults.wrong_bitrate)
         if HOST not in self._restarts and not self._faults.unplugged:
             sending = sender is self.host
             self.to_host.append(error_frames.wire_error(self.host, t_s, sending=sending))

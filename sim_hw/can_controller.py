@@ -8,8 +8,9 @@ from config.can.frame import Frame
 WARNING_COUNT = 96
 PASSIVE_COUNT = 128
 BUS_OFF_COUNT = 256
-TRANSMIT_ERROR = 8
-"""What an error adds to the transmit error counter; 32 in a row lead to bus-off."""
+SERIOUS_ERROR = 8
+"""What an error adds to the counter of its sender, of which 32 in a row lead to bus-off, and to
+that of a receiver which alone has seen it."""
 
 
 class ErrorState(IntEnum):
@@ -54,16 +55,17 @@ class Controller:
 
     def sending_failed(self) -> None:
         """An error while this node was sending."""
-        self.transmit_errors = min(self.transmit_errors + TRANSMIT_ERROR, BUS_OFF_COUNT)
+        self.transmit_errors = min(self.transmit_errors + SERIOUS_ERROR, BUS_OFF_COUNT)
 
     def not_acknowledged(self) -> None:
         """Nobody has heard a frame; that alone never takes a passive node off the bus."""
         if self.state < ErrorState.PASSIVE:
             self.sending_failed()
 
-    def hearing_failed(self) -> None:
-        """An error while another node was sending."""
-        self.receive_errors = min(self.receive_errors + 1, PASSIVE_COUNT)
+    def hearing_failed(self, alone: bool) -> None:
+        """An error while another node was sending; `alone` where only this node has seen it."""
+        added = SERIOUS_ERROR if alone else 1
+        self.receive_errors = min(self.receive_errors + added, PASSIVE_COUNT)
 
     def sent(self) -> None:
         """A frame of this node went through."""

@@ -148,12 +148,12 @@ class SimulatedFleet:
         while self._steps < target:
             self._steps += 1
             now_s = self.t_s
-            if self._changes and self._changes[0].t_s <= now_s + STEP_S * _TOLERANCE_STEPS:
-                self._apply_changes()
-            if self._script is not None:
-                self._watch_for_motion(self._script)
             for robot, _ in self._sights:
                 robot.move(now_s)
+            if self._script is not None:
+                self._watch_for_motion(self._script)
+            if self._changes:
+                self._apply_changes()
             for robot, others in self._sights:
                 robot.run_devices(others)
 
