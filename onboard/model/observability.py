@@ -11,7 +11,7 @@ which rate is the known input is said: the fork's in the world, d eta/dt, as in 
 steering motor's, d delta/dt, as on hardware. With the latter theta shows in fork bearings alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -98,15 +98,14 @@ class System(Generic[Scalar]):
     fields: list[Field[Scalar]]
     zero: Scalar
 
-    def rows(self, order: int) -> list[list[list[Scalar]]]:
-        """Gradients of the Lie derivatives, by order 0 ... `order`."""
+    def rows(self, order: int) -> Iterator[list[list[Scalar]]]:
+        """Gradients of the Lie derivatives of order 0, 1 ... `order`, each when it is asked for."""
         variables = len(self.fields[0])
         level = self.measurements
-        rows = [[jet.gradient(variables, self.zero) for jet in level]]
+        yield [jet.gradient(variables, self.zero) for jet in level]
         for _ in range(order):
             level = [lie_derivative(jet, field) for jet in level for field in self.fields]
-            rows.append([jet.gradient(variables, self.zero) for jet in level])
-        return rows
+            yield [jet.gradient(variables, self.zero) for jet in level]
 
 
 def lie_derivative(function: Jet[Scalar], field: Field[Scalar]) -> Jet[Scalar]:
@@ -163,12 +162,14 @@ def _mixed(drive: Field[Scalar], v: Scalar, turn: Field[Scalar], w: Scalar) -> F
 def ranks(system: System[Fraction], order: int = MAX_ORDER) -> tuple[int, ...]:
     """Exact rank with Lie derivatives up to order 0, 1 ... `order`."""
     echelon: dict[int, list[Fraction]] = {}
-    result = []
+    result: list[int] = []
     for level in system.rows(order):
         for row in level:
             _absorb(echelon, row)
         result.append(len(echelon))
-    return tuple(result)
+        if len(echelon) == len(system.fields[0]):
+            break
+    return tuple(result + result[-1:] * (order + 1 - len(result)))
 
 
 def rank(system: System[Fraction], order: int = MAX_ORDER) -> int:

@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from config.fleet import Fleet, Marker, Mission, Robot, Segment
+from config.fleet import Acceptance, Fleet, Marker, Mission, Robot, Segment
 from config.loader import dump_effective
 from groundstation.cli import app
 from groundstation.exits import NOT_GOOD, UNUSABLE
 from groundstation.study.mission_check import MissionReport, check_mission
+from groundstation.study.planned_paths import planned_paths
 from tests.hil.fleets import shipped, straight
 
 
@@ -36,8 +37,10 @@ def _every(fleet: Fleet, section: str, **changes: object) -> Fleet:
 
 
 def _circle(speed_mps: float, rate_radps: float) -> Fleet:
-    segment = Segment(duration_s=10.0, speed_mps=speed_mps, fork_rate_radps=rate_radps)
-    return shipped("demo").model_copy(update={"mission": Mission(segments=[segment])})
+    segment = Segment(duration_s=5.0, speed_mps=speed_mps, fork_rate_radps=rate_radps)
+    return shipped("demo").model_copy(
+        update={"mission": Mission(segments=[segment], acceptance=Acceptance(from_s=1.0))}
+    )
 
 
 def _errors(report: MissionReport, check: str) -> list[str]:
@@ -68,9 +71,8 @@ def test_the_paper_s_fleet_at_four_metres_a_second_has_warnings_only() -> None:
 
 def test_planned_steering_is_that_of_the_theory() -> None:
     """asin(omega d / v) for the paper's schedule, docs/mathematics.md section 2."""
-    assert _report(shipped("hardware")).robots["r1"].steering_max_rad == pytest.approx(
-        0.0655, abs=2e-4
-    )
+    path = planned_paths(shipped("demo"))["r1"]
+    assert abs(path.steering_rad[1000]) == pytest.approx(0.0655, abs=1e-4)
 
 
 def test_landmarks_all_on_the_line_ahead_leave_the_place_along_it_unknown() -> None:
@@ -113,7 +115,7 @@ def test_a_circle_too_tight_for_the_follower_inside_is_found_before_it_is_driven
 
 def test_a_circle_too_tight_for_the_leader_itself() -> None:
     (error,) = _errors(_report(_circle(0.2, 1.0)), "circle")
-    assert error.startswith("error: r1, 0.0 to 10.0 s: radius of the front wheel's circle")
+    assert error.startswith("error: r1, 0.0 to 5.0 s: radius of the front wheel's circle")
 
 
 @pytest.mark.parametrize(("rate_radps", "feasible"), [(-1.1, True), (-1.15, False), (-1.8, False)])
@@ -127,14 +129,15 @@ def test_the_polar_law_needs_a_leader_point_within_the_turning_radius(
 
 
 def test_a_steering_limit_below_the_need_is_an_error() -> None:
-    report = _report(_every(shipped("demo"), "limits", steering_rad=0.05))
+    report = _report(_every(_circle(1.0, -0.2618), "limits", steering_rad=0.05))
     assert _errors(report, "steering_angle")
     assert _errors(report, "circle")
-    assert _report(_every(shipped("demo"), "limits", steering_rad=0.1)).ok
+    assert _report(_every(_circle(1.0, -0.2618), "limits", steering_rad=0.1)).ok
 
 
 def test_a_speed_limit_below_the_schedule_is_an_error() -> None:
-    (error, *_) = _errors(_report(_every(shipped("demo"), "limits", speed_mps=0.9)), "speed")
+    fleet = _every(straight("demo", 3.0), "limits", speed_mps=0.9)
+    (error,) = _errors(_report(fleet), "speed")
     assert "1 m/s, limit 0.9 m/s" in error
 
 
@@ -161,7 +164,8 @@ def test_a_follower_directly_behind_needs_a_marker_off_the_axis() -> None:
 
 def test_a_bad_mission_ends_with_code_1_a_report_and_a_map(tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
-    bad.write_text(dump_effective(_every(shipped("demo"), "limits", steering_rad=0.05)))
+    fleet = _every(_circle(1.0, -0.2618), "limits", steering_rad=0.05)
+    bad.write_text(dump_effective(fleet))
     out = tmp_path / "out"
     result = CliRunner().invoke(
         app, ["doctor", "--mission", "--fleet", str(bad), "--out", str(out), "--json"]

@@ -257,7 +257,7 @@ def test_a_bearing_s_derivatives_are_those_of_the_corrected_formulas() -> None:
     system = landmark_system(
         Sensing(*BODY_ETA, False), base_pose(VehicleState(x, y, eta, theta)), d, [mark], MOVING
     )
-    gradient, (along, turn) = system.rows(1)[0][0], system.rows(1)[1]
+    (gradient,), (along, turn) = system.rows(1)
     assert gradient == pytest.approx([-dy / r2, dx / r2, 0.0, -1.0])
     delta = eta - theta
     assert along == pytest.approx(
