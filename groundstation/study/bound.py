@@ -33,8 +33,7 @@ def motion_jacobian(
     if known_rate == "steering":
         a[2, 2], a[2, 3] = turn, -turn
     step = a * dt_s
-    result: Floats = np.eye(4) + step + step @ step / 2
-    return result
+    return np.asarray(np.eye(4) + step + step @ step / 2)
 
 
 def bearing_rows(
@@ -66,9 +65,11 @@ def riccati(
     """Covariances (steps, 4, 4) of the best linearised filter after the bearings of each step.
 
     `states` is (steps + 1, 4), the true path; `process_std` is added to every state per step.
-    The fork starts with an error of its own, as large as the heading's.
+    The steering angle is known at the start, so the fork is as wrong as the heading there.
     """
-    covariance = start_std**2 * np.eye(4)
+    covariance = np.zeros((4, 4))
+    covariance[0, 0] = covariance[1, 1] = start_std**2
+    covariance[2:, 2:] = start_std**2
     noise = process_std**2 * np.eye(4)
     result = np.empty((len(speeds_mps), 4, 4))
     for i, speed in enumerate(speeds_mps):
@@ -77,12 +78,11 @@ def riccati(
         rows = bearing_rows(states[i + 1], landmarks, mounting)
         if len(rows):
             information = np.linalg.inv(covariance) + rows.T @ rows / bearing_std_rad**2
-            covariance = np.linalg.inv(information)
+            covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         result[i] = covariance
     return result
 
 
 def position_variance(covariances: Floats) -> Floats:
     """Mean square position error [m^2] that each covariance of (..., 4, 4) stands for."""
-    variances = np.trace(covariances[..., :2, :2], axis1=-2, axis2=-1)
-    return np.asarray(variances, dtype=np.float64)
+    return np.asarray(covariances[..., 0, 0] + covariances[..., 1, 1])
