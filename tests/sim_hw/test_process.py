@@ -1,5 +1,6 @@
 """`echelon-sim` as a process: buses, truth, shutdown, refusals."""
 
+import json
 import os
 import select
 import signal
@@ -15,17 +16,20 @@ import can
 import msgspec
 import pytest
 import zenoh
+from typer.testing import CliRunner
 from zenoh.handlers import FifoChannel
 
 from config import topics
-from config.messages import Truth
+from config.messages import SimulatedBus, Truth
 from config.zenoh_settings import session_config
+from groundstation.cli import app
 from sim_hw.__main__ import BAD_INPUT, main
 from sim_hw.serve import PERIOD_S, Lateness
 from tests.sim_hw.fleets import database
 
 DEADLINE_S = 10.0
 FLEET = "demo"
+RUNNER = CliRunner()
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -160,6 +164,92 @@ def test_a_second_simulator_of_the_same_fleet_is_refused(
     assert main(["--fleet", FLEET, "--robots", "r2"]) == BAD_INPUT
     assert "r2.sock is in use" in capsys.readouterr().err
     assert simulator.poll() is None
+
+
+def identifiers(bus: can.BusABC, duration_s: float) -> set[int]:
+    """What is heard on a bus for a while, after what had been heard before."""
+    while bus.recv(0) is not None:
+        pass
+    found: set[int] = set()
+    until_s = time.monotonic() + duration_s
+    while (remaining_s := until_s - time.monotonic()) > 0:
+        if (message := bus.recv(remaining_s)) is not None:
+            found.add(message.arbitration_id)
+    return found
+
+
+@pytest.mark.process
+def test_faults_are_injected_while_it_runs(
+    ground: str, runtime: Path, request: pytest.FixtureRequest
+) -> None:
+    """`echelon fault` reaches it through a peer that listens as the ground station does."""
+    settings = zenoh.Config.from_json5(session_config(ground, []))
+    with zenoh.open(settings) as session:
+        loads = session.declare_subscriber(topics.SIM_BUS.key(FLEET, "r2"), FifoChannel(100))
+        request.getfixturevalue("simulator")
+        with opened(runtime, "r2") as bus:
+            assert fault(ground, "r2", "encoder", "off", "--for", "60s")["ok"]
+            assert 0x060 not in (heard := identifiers(bus, 0.2))
+            assert {0x041, 0x049, 0x120} <= heard
+            assert fault(ground, "r2", "encoder", "ok")["ok"]
+            wait_for(lambda: 0x060 in identifiers(bus, 0.1))
+        refused = fault(ground, "r3", "encoder", "off", code=1)
+        assert "no simulated hardware answers for it" in str(refused["reason"])
+        told = [loads.recv() for _ in range(3)]
+    load = msgspec.json.decode(told[-1].payload.to_bytes(), type=SimulatedBus)
+    assert (load.robot, load.host_state, load.errors) == ("r2", "ACTIVE", 0)
+    assert 0.1 < load.load < 0.5
+
+
+def fault(ground: str, *words: str, code: int = 0) -> dict[str, object]:
+    """What `echelon fault --json` answers."""
+    result = RUNNER.invoke(app, ["fault", *words, "--json", "--ground", ground])
+    assert result.exit_code == code, result.stderr
+    answer: dict[str, object] = json.loads(result.stdout)
+    return answer
+
+
+def test_faults_that_no_robot_can_have_are_refused_by_name() -> None:
+    for words, named in (
+        (("r22", "bearing", "off"), "no robot 'r22'; did you mean 'r2'"),
+        (("r2", "baering", "off"), "no device 'baering'; did you mean 'bearing'"),
+        (("r2", "bearing", "stukc"), "no fault of bearing 'stukc'; did you mean 'stuck'"),
+        (("r2", "bearing", "stuck", "--for", "2h"), "'2h' is no duration"),
+    ):
+        result = RUNNER.invoke(app, ["fault", *words])
+        assert result.exit_code == 2
+        assert named in result.stderr
+
+
+@pytest.mark.process
+def test_a_lost_adapter_ends_the_connection_until_it_is_back(
+    ground: str, runtime: Path, tmp_path: Path
+) -> None:
+    script = tmp_path / "faults.yaml"
+    script.write_text(
+        "version: 1\nclock: power\nfaults:\n"
+        "  - {at: 0.5, for: 0.3, robot: r1, device: bus, kind: adapter_lost}\n"
+    )
+    words = ["--fleet", FLEET, "--robots", "r1", "--ground", ground, "--faults", str(script)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "sim_hw", *words],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stderr is not None
+            assert "serving r1" in process.stderr.readline()
+            with (
+                opened(runtime, "r1") as bus,
+                pytest.raises(can.CanOperationError, match="is gone"),
+            ):
+                read_for_ever(bus)
+            wait_for((runtime / "echelon" / FLEET / "r1.sock").exists)
+            with opened(runtime, "r1") as bus:
+                assert identifiers(bus, 0.2)
+        finally:
+            process.kill()
 
 
 def test_robots_that_are_not_on_simcan_are_refused_by_name(
