@@ -48,7 +48,11 @@ class Motion(Message, frozen=True, kw_only=True):
 class PoseEstimate(Message, frozen=True, kw_only=True):
     """Front-wheel midpoint, fork direction eta and body heading theta in the landmark frame.
 
-    `covariance` is 4 x 4, row by row, in the order (x, y, eta, theta).
+    `covariance` is 4 x 4, row by row, in the order (x, y, eta, theta). `trusted` says that the pose
+    may be driven on, `trusted_since_s` from when on, on the clock of `t_ns` [s]. `rejected` counts
+    the bearings that did not fit, `nis_median` is the median of the last bearings' normalised
+    innovations squared (0.45 where the filter is right), `bias_rad` the estimated bias of the
+    bearings. What a kind of localiser does not have is None or 0.
     """
 
     robot: str
@@ -57,7 +61,12 @@ class PoseEstimate(Message, frozen=True, kw_only=True):
     fork_rad: float
     heading_rad: float
     covariance: list[float]
-    effective_particles: float
+    effective_particles: float | None = None
+    trusted: bool = True
+    trusted_since_s: float | None = None
+    rejected: int = 0
+    nis_median: float | None = None
+    bias_rad: float = 0.0
 
 
 class RelativeEstimate(Message, frozen=True, kw_only=True):

@@ -5,13 +5,11 @@ from config.messages import Message, Motion, PoseEstimate
 from config.topics import POSE, Topic
 from onboard.control.schedule import LeaderReference, VelocityPlan
 from onboard.control.steering import WheelController, WheelSetpoint
-from onboard.estimate.localiser import LandmarkBearing, UpdateOutcome
-from onboard.estimate.localiser_particle import ParticleLocaliser
+from onboard.estimate.localiser import LandmarkBearing, Localiser
+from onboard.estimate.localiser_factory import make_localiser
 from onboard.estimate.observability_monitor import LandmarkMonitor
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import LeaderSeen
-
-DIVERGED_LOOKS = 50
 
 
 class Leader:
@@ -23,8 +21,7 @@ class Leader:
         self._landmarks = {mark.id: (mark.x_m, mark.y_m) for mark in fleet.landmarks}
         self._seed = seed
         self._plan = VelocityPlan(fleet.mission)
-        self._localiser: ParticleLocaliser | None = None
-        self._diverged_looks = 0
+        self._localiser: Localiser | None = None
         self._reference: LeaderReference | None = None
         self.observability = LandmarkMonitor(self._robot, self._landmarks)
 
@@ -34,33 +31,22 @@ class Leader:
     def estimate(
         self, at: Stamp, dt_s: float, odometry: Odometry, observations: list[Observation]
     ) -> None:
-        """Particle filter (6)-(9) on the bearings to known landmarks."""
-        if self._localiser is None:
-            self._localiser = self._new_localiser(odometry.steering_rad)
-        self._localiser.predict(dt_s, odometry.speed_mps, odometry.steering_rate_radps)
-        result = self._localiser.update(
+        """Localise: the motion, the steering encoder, the bearings to known landmarks."""
+        localiser = self._localiser
+        if localiser is None:
+            localiser = self._localiser = make_localiser(
+                self._robot, self._landmarks, self._seed, odometry.steering_rad
+            )
+        localiser.predict(dt_s, odometry.speed_mps, odometry.steering_rate_radps)
+        localiser.measure_steering(odometry.steering_rad)
+        localiser.update(
             [
                 LandmarkBearing(seen.marker, seen.sensor_rad, seen.std_rad, seen.age_s)
                 for seen in observations
                 if seen.marker in self._landmarks
             ]
         )
-        self.observability.observe(dt_s, odometry, observations, self._localiser.estimate)
-        if result.outcome is UpdateOutcome.DIVERGED:
-            self._diverged_looks += 1
-        elif result.outcome is not UpdateOutcome.NO_BEARINGS:
-            self._diverged_looks = 0
-
-    def _new_localiser(self, steering_rad: float) -> ParticleLocaliser:
-        return ParticleLocaliser(
-            self._robot.localiser,
-            self._robot.vehicle.wheelbase_m,
-            self._robot.bearing_sensor.mounting,
-            self._landmarks,
-            self._robot.start,
-            self._seed,
-            steering_rad,
-        )
+        self.observability.observe(dt_s, odometry, observations, localiser.estimate)
 
     def start(self, steering_rad: float) -> None:
         """Begin the schedule at its first segment."""
@@ -96,27 +82,31 @@ class Leader:
         return None
 
     def estimate_problem(self) -> str | None:
-        """The filter has lost the pose where look after look fits no particle."""
-        if self._diverged_looks < DIVERGED_LOOKS:
-            return None
-        return (
-            f"pose lost: the last {self._diverged_looks} looks fit no particle, limit "
-            f"{DIVERGED_LOOKS}; check the landmarks' places and ids, or restart at `start`"
-        )
+        """The localiser does not trust its pose."""
+        trust = None if self._localiser is None else self._localiser.trust()
+        return None if trust is None or trust.trusted else trust.reason
 
     def not_ready(self) -> list[str]:
-        """The known start makes the pose usable from the first encoder reading on."""
-        return [] if self._localiser is not None else ["no pose before the first encoder reading"]
+        """A pose that is trusted, which a known start is from the first encoder reading on."""
+        if self._localiser is None:
+            return ["no pose before the first encoder reading"]
+        problem = self.estimate_problem()
+        return [] if problem is None else [problem]
 
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
-        """The pose with its covariance."""
-        if self._localiser is None:
+        """The pose with its covariance; valid once it is trusted."""
+        belief = None if self._localiser is None else self._localiser.estimate()
+        if self._localiser is None or belief is None:
             return None
-        belief = self._localiser.estimate()
+        trust = self._localiser.trust()
+        since_s = None
+        if trust.since_s is not None:
+            since_s = at.now_s - (self._localiser.time_s - trust.since_s)
         return POSE, PoseEstimate(
             seq=seq,
             t_ns=round(at.now_s * 1e9),
             wall_ns=round(at.wall_s * 1e9),
+            valid=trust.trusted,
             robot=self._name,
             x_m=belief.x_m,
             y_m=belief.y_m,
@@ -124,4 +114,9 @@ class Leader:
             heading_rad=belief.heading_rad,
             covariance=list(belief.covariance),
             effective_particles=belief.effective_particles,
+            trusted=trust.trusted,
+            trusted_since_s=since_s,
+            rejected=trust.rejected,
+            nis_median=trust.nis_median,
+            bias_rad=trust.bias_rad,
         )

@@ -67,7 +67,7 @@ def riccati(
     `states` is (steps + 1, 4), the true path; `process_std` is added to every state per step.
     The steering angle is known at the start, so the fork is as wrong as the heading there.
     """
-    covariance = np.zeros((4, 4))
+    covariance: Floats = np.zeros((4, 4))
     covariance[0, 0] = covariance[1, 1] = start_std**2
     covariance[2:, 2:] = start_std**2
     noise = process_std**2 * np.eye(4)

@@ -15,7 +15,7 @@ class PoseBelief(NamedTuple):
     fork_rad: float
     heading_rad: float
     covariance: tuple[float, ...]
-    effective_particles: float
+    effective_particles: float | None = None
 
 
 class RelativeBelief(NamedTuple):

@@ -1,0 +1,129 @@
+"""The search for a pose that nothing is known of: gathers bearings, says when they tell one pose.
+
+One pose is told when no other fits about as well, it is determined well enough to be linearised
+at, and more bearings agree on it than three, so that no single wrong one can have made it up.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from config import fleet
+from onboard.estimate.bearing_window import Array, Batch, BearingWindow
+from onboard.estimate.global_start import Hypothesis, possible_poses
+from onboard.estimate.localiser import KnownRate, LandmarkBearing, Mounting
+from onboard.estimate.localiser_motion import Input
+
+SOLVE_PERIOD_S = 0.5
+MIN_LANDMARKS = 2
+MIN_ENTRIES = 4
+MIN_BEARINGS = 12
+MIN_INLIER_SHARE = 0.7
+MAX_HEADING_STD_RAD = 0.2
+MAX_POSITION_STD_M = 0.5
+MAX_STD_OF_RANGE = 0.15
+"""Deviation of the position, as a share of the distance to the landmarks that tell it."""
+
+
+class Found(NamedTuple):
+    """The pose (x, y, eta), a factor (3, 3) of its covariance, and the steering angle there."""
+
+    pose: tuple[float, float, float]
+    root: Array
+    steering_rad: float
+
+
+class PoseSearch:
+    """`hypotheses` and `reason` tell how the search stands."""
+
+    def __init__(
+        self,
+        settings: fleet.Localiser,
+        wheelbase_m: float,
+        mounting: Mounting,
+        landmarks: Mapping[int, tuple[float, float]],
+        known_rate: KnownRate,
+        steering_rad: float,
+    ) -> None:
+        self.hypotheses = 0
+        self.reason = "no pose: no bearings to known landmarks yet"
+        self._landmarks = dict(landmarks)
+        self._bias_std_rad = settings.bias_std_rad
+        self._window = BearingWindow(settings, wheelbase_m, mounting, known_rate, steering_rad)
+        self._fresh = False
+        self._wait_s = SOLVE_PERIOD_S
+
+    def predict(self, given: Input) -> None:
+        """Carry the window on."""
+        self._window.predict(given)
+        self._wait_s -= given.dt_s
+
+    def measure_steering(self, steering_rad: float) -> None:
+        """The encoder's angle."""
+        self._window.measure_steering(steering_rad)
+
+    def add(self, seen: LandmarkBearing) -> None:
+        """Gather a bearing to a landmark on the map."""
+        self._window.add(seen)
+        self._fresh = True
+
+    def solve(self) -> Found | None:
+        """The pose, once the bearings tell one; tries again twice a second."""
+        if not self._fresh or self._wait_s > 0.0:
+            return None
+        self._fresh, self._wait_s = False, SOLVE_PERIOD_S
+        batch = self._window.batch(self._landmarks)
+        found: list[Hypothesis] = []
+        if batch is None:
+            problem: str | None = "all bearings are too old"
+        elif (problem := _too_little(batch)) is None:
+            found = possible_poses(batch)
+            problem = _ambiguous(found) or _weak(batch, found[0])
+        self.hypotheses = len(found)
+        if problem is not None:
+            self.reason = f"no pose: {problem}"
+            return None
+        covariance = found[0].covariance.copy()
+        covariance[2, 2] += self._bias_std_rad**2
+        root: Array = np.asarray(np.linalg.cholesky(covariance))
+        return Found(found[0].pose, root, self._window.steering_rad)
+
+
+def _too_little(batch: Batch) -> str | None:
+    landmarks = len(set(batch.landmark_ids.tolist()))
+    if landmarks < MIN_LANDMARKS:
+        return f"{landmarks} landmark seen, {MIN_LANDMARKS} needed, 3 for a robot that stands"
+    bearings = int(batch.counts.sum())
+    if len(batch.counts) < MIN_ENTRIES and bearings < MIN_BEARINGS:
+        return f"{bearings} bearings, {MIN_BEARINGS} needed, or {MIN_ENTRIES} places"
+    return None
+
+
+def _ambiguous(found: list[Hypothesis]) -> str | None:
+    if len(found) == 1:
+        return None
+    places = ", ".join(f"({h.pose[0]:.1f}, {h.pose[1]:.1f}) m" for h in found[:3])
+    return f"the bearings allow {len(found)} poses: {places}; drive on"
+
+
+def _weak(batch: Batch, best: Hypothesis) -> str | None:
+    """Why even the only pose is not told well enough."""
+    share = float(batch.counts[best.inliers].sum()) / float(batch.counts.sum())
+    if share < MIN_INLIER_SHARE:
+        return f"{share:.0%} of the bearings fit the best pose, {MIN_INLIER_SHARE:.0%} needed"
+    if (seen := len(set(batch.landmark_ids[best.inliers].tolist()))) < MIN_LANDMARKS:
+        return f"bearings to {seen} landmark fit the best pose, {MIN_LANDMARKS} needed"
+    position_std = math.sqrt(float(best.covariance[0, 0] + best.covariance[1, 1]))
+    heading_std = math.sqrt(float(best.covariance[2, 2]))
+    to = batch.landmarks[best.inliers] - best.pose[:2]
+    limit = min(MAX_POSITION_STD_M, MAX_STD_OF_RANGE * float(np.median(np.hypot(*to.T))))
+    if position_std > limit:
+        return (
+            f"standard deviation {position_std:.2f} m, limit {limit:.2f} m: landmarks in line or "
+            "on a circle with the robot, or too few; drive on"
+        )
+    if heading_std > MAX_HEADING_STD_RAD:
+        return f"heading deviation {heading_std:.2f} rad, limit {MAX_HEADING_STD_RAD} rad"
+    return None
