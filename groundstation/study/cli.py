@@ -84,6 +84,9 @@ def paper(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the results in the folder.")
     ] = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one per core.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Section 4 of the paper: figures 4 and 5 as PNG and PDF, and a table with the bounds."""
@@ -94,7 +97,7 @@ def paper(
         from groundstation.study.table import to_json, to_markdown
 
         console = Console(stderr=True)
-        table = run_paper(Options(seeds, out, only, resume, console))
+        table = run_paper(Options(seeds, out, only, resume, console, workers))
         typer.echo(to_json(table).decode() if json else to_markdown(table), nl=not json)
         if not json:
             typer.echo(f"results: {out}")

@@ -68,7 +68,9 @@ def _rmse(axes: Axes, results: Results, bounds: Bounds, seeds: int) -> None:
         axes.semilogy(times, np.sqrt(np.mean(squares, axis=0)), color=COUNT_COLOURS[count], lw=1.5)
         bound = np.sqrt(np.mean([each.variance_m2 for each in bounds[count]], axis=0))
         axes.semilogy(times, bound, color=COUNT_COLOURS[count], lw=1.2, ls="--")
-    axes.plot([], [], color=INK, lw=1.2, ls="--", label="lower bound (Riccati, along the paths)")
+    axes.plot(
+        [], [], color=INK, lw=1.2, ls="--", label="bound (Riccati, linearised along the paths)"
+    )
 
 
 def _errors(

@@ -14,6 +14,7 @@ from groundstation.study.scenario import DT_S, Floats, paper_fleet, wrapped
 
 FILTERS = {"paper": "paper", "ours": "ukf"}
 ODOMETRY = {"exact": 0.0, "scaled": 0.01}
+NAMES = {"paper": "the paper's filter", "ours": "our filter"}
 DESCRIBED = {"exact": "exact", "scaled": "scaled by 1 %"}
 
 
@@ -31,7 +32,7 @@ class FormationCell(NamedTuple):
     @property
     def described(self) -> str:
         """The cell in words."""
-        return f"{self.filter} filter, odometry {DESCRIBED[self.odometry]}"
+        return f"{NAMES[self.filter]}, odometry {DESCRIBED[self.odometry]}"
 
     @classmethod
     def parse(cls, name: str) -> "FormationCell":

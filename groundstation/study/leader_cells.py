@@ -25,10 +25,11 @@ from groundstation.study.scenario import (
 )
 from onboard.estimate.beliefs import PoseBelief
 from onboard.estimate.localiser import LandmarkBearing, Localiser
-from onboard.estimate.localiser_particle import ParticleLocaliser
+from onboard.estimate.localiser_factory import make_localiser
 
 COUNTS = (0, 1, 2, 3, 4)
-FILTERS = {"paper": "the paper's filter, 500 particles", "ours": "our default localiser"}
+FILTERS = {"paper": "the paper's filter, 500 particles", "ours": "our default, a Gaussian filter"}
+KINDS = {"paper": "particle", "ours": "gaussian"}
 STD_RAD = 0.05
 NOISE_PER_SQRT_S, START_STD = 0.05, 0.05
 KEEP_EVERY = 5
@@ -87,16 +88,12 @@ def run_leader(job: Job) -> LeaderResult:
 def _make(
     kind: str, source: fleet.Fleet, landmarks: dict[int, tuple[float, float]], seed: int
 ) -> Localiser:
+    """A localiser with the paper's input and sensor, and without what the paper has not."""
     robot = next(robot for robot in source.robots.values() if robot.leader is None)
-    return ParticleLocaliser(
-        robot.localiser,
-        robot.vehicle.wheelbase_m,
-        "fork",
-        landmarks,
-        robot.start,
-        seed,
-        known_rate="fork",
-    )
+    settings = robot.localiser.model_copy(update={"kind": KINDS[kind], "encoder_std_rad": 0.0})
+    sensor = robot.bearing_sensor.model_copy(update={"mounting": "fork"})
+    changed = robot.model_copy(update={"localiser": settings, "bearing_sensor": sensor})
+    return make_localiser(changed, landmarks, seed, known_rate="fork")
 
 
 class _Sampled(NamedTuple):
