@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from groundstation.cli import app
+from groundstation.study import paper_study
 from groundstation.study.bound_cells import BoundResult, run_bound
 from groundstation.study.drawing import save
 from groundstation.study.figure4 import draw_figure4
@@ -164,6 +165,32 @@ def test_equal_figures_are_equal_files(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         drawn.append([path.read_bytes() for path in save(figure, tmp_path / name, "line")])
     assert drawn[0] == drawn[1]
+
+
+def test_the_command_keeps_results_and_goes_on_with_more_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Job] = []
+
+    def leader(job: Job) -> LeaderResult:
+        asked.append(job)
+        return leader_result(0.01 * job.seed)
+
+    monkeypatch.setattr(paper_study, "run_leader", leader)
+    monkeypatch.setattr(paper_study, "run_bound", lambda _: BoundResult([0.01] * KEPT, 0.01))
+    monkeypatch.setattr(paper_study, "draw_figure4", lambda *_: [])
+    common = ["study", "paper", "--out", str(tmp_path / "out"), "--only", "figure4", "--json"]
+    common += ["--workers", "1"]
+    first = RUNNER.invoke(app, [*common, "--seeds", "1"])
+    assert first.exit_code == 0
+    more = RUNNER.invoke(app, [*common, "--seeds", "3", "--resume"])
+    assert more.exit_code == 0
+    assert [job.seed for job in asked] == [1] * 10 + [2] * 10 + [3] * 10
+    row = json.loads(more.stdout)["figure4"]["filters"]["ours"]["2"]
+    assert row["rmse_m"] == pytest.approx(math.sqrt(0.02))
+    assert row["ratio"] == pytest.approx(math.sqrt(2))
+    assert json.loads((tmp_path / "out" / "table.json").read_bytes()) == json.loads(more.stdout)
+    assert "| 2 | 0.1414" in (tmp_path / "out" / "table.md").read_text()
 
 
 @pytest.mark.parametrize(
