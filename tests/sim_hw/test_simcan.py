@@ -13,6 +13,7 @@ import can
 import pytest
 
 from config.can.frame import Frame
+from sim_hw.error_frames import ERROR_FLAG
 from sim_hw.simcan.bus import SimCanBus
 from sim_hw.simcan.server import ChannelError, SimCanServer
 
@@ -167,6 +168,25 @@ def test_a_server_that_does_not_read_fills_the_transmit_buffer(bus: can.BusABC) 
     with pytest.raises(can.CanOperationError, match="Transmit buffer full"):
         bus.send(message(1, bytes(8)), timeout=0.02)
     assert time.monotonic() - begun_s >= 0.02
+
+
+def test_a_full_queue_of_the_simulated_controller_is_a_full_transmit_buffer(
+    server: SimCanServer, bus: can.BusABC
+) -> None:
+    server.tell_queue(full=True)
+    assert bus.recv(0) is None
+    with pytest.raises(can.CanOperationError, match="Transmit buffer full"):
+        bus.send(message(1), timeout=0)
+    server.tell_queue(full=False)
+    assert bus.recv(0) is None
+    bus.send(message(1), timeout=0)
+
+
+def test_the_servers_error_frames_arrive_as_such(server: SimCanServer, bus: can.BusABC) -> None:
+    server.send(Frame(ERROR_FLAG | 0x40, bytes(8), 0.0), 0.0)
+    got = bus.recv(0)
+    assert got is not None
+    assert (got.is_error_frame, got.arbitration_id) == (True, 0x40)
 
 
 def test_a_client_that_does_not_read_loses_frames_and_holds_nobody_up(
