@@ -101,7 +101,8 @@ class Localiser(Section):
     `start: unknown` finds the pose from nothing (gaussian only). Noise densities of position and
     heading are per square root of a second; those of travel and turn per square root of the way
     (1 m) and of the turn (1 rad); a tenth of the former acts on a robot that stands. The scale
-    errors of speed and turn, and the bearings' bias, are states where their deviation is not 0.
+    errors of speed and turn, the share of speed lost per rad/s of turning, and the bearings' bias
+    are states where their deviation is not 0.
     `encoder_std_rad` 0 leaves the steering encoder out.
     """
 
@@ -114,6 +115,7 @@ class Localiser(Section):
     turn_noise_rad: NonNegative = 0.0
     speed_scale_std: NonNegative = 0.0
     turn_scale_std: NonNegative = 0.0
+    turn_loss_std: NonNegative = 0.0
     bias_std_rad: NonNegative = 0.0
     encoder_std_rad: NonNegative = 0.005
     start_std_m: Positive = 0.05

@@ -55,7 +55,7 @@ def _run(options: Options) -> DataSetReport:
     followed = None if pair is None else _recordings_of(pair, options.folder)
     out = _results_folder(options)
     robots = {str(n): _one(options, each, out) for n, each in recordings.items()}
-    why = misses(robots, options.start)
+    why = misses(robots)
     return DataSetReport(
         verdict="fail" if why else "pass",
         why=why,
@@ -85,7 +85,7 @@ def _one(options: Options, recording: Recording, out: Path) -> RobotScore:
 
 def _judge(options: Options, recording: Recording, played: Played, out: Path) -> RobotScore:
     from_s = UNKNOWN_START_JUDGED_FROM_S if options.start == "unknown" else 0.0
-    track = pose_track(played.poses)
+    track = pose_track(played.trusted_poses)
     truth = truth_at(recording, track.t_s)
     errors = pose_errors(track, truth, from_s)
     if not len(errors.t_s):
@@ -94,19 +94,16 @@ def _judge(options: Options, recording: Recording, played: Played, out: Path) ->
             f"{played.seconds:.1f} s: play more --seconds"
         )
     draw_track(recording, track, truth, pose_errors(track, truth, 0.0), out / _picture(recording))
-    speed = played.seconds / played.real_s
-    return score(recording, errors, played.seconds, from_s, speed, trusted_from_s(played))
-
-
-def trusted_from_s(played: Played) -> float | None:
-    """From when on the robot trusted its pose without a break until the end; None for never."""
-    since_s: float | None = None
-    for t_s, pose in played.poses:
-        if not pose.valid:
-            since_s = None
-        elif since_s is None:
-            since_s = t_s
-    return since_s
+    return score(
+        recording,
+        errors,
+        seconds=played.seconds,
+        judged_from_s=from_s,
+        times_real_time=played.seconds / played.real_s,
+        trusted_from_s=played.trusted_from_s,
+        trusted_share=played.trusted_share(from_s),
+        rejected=played.poses[-1][1].rejected,
+    )
 
 
 def _follow(options: Options, follower: Recording, leader: Recording) -> FollowScore:

@@ -35,14 +35,26 @@ from groundstation.lockstep import Recording
 Start = Literal["known", "unknown"]
 
 LOOP_HZ = 20.0
-WHEELBASE_M = 0.2
+# Far longer than the way between two looks: a unicycle has no body that follows its fork.
+WHEELBASE_M = 20.0
 # A forward camera of 72 degrees or less; its noise where the lens is at its worst.
 FOV_HALF_RAD = 0.63
 BEARING_STD_RAD = 0.015
 # Gaps of tens of seconds are in the nature of these recordings; devices report at 10 to 20 Hz.
 BEARING_TIMEOUT_S = 60.0
 DEVICE_TIMEOUT_S = 0.25
-LOCALISER = Localiser()
+LOCALISER = Localiser(
+    position_noise_m=0.002,
+    heading_noise_rad=0.02,
+    travel_noise_m=0.05,
+    turn_noise_rad=0.12,
+    speed_scale_std=0.05,
+    turn_scale_std=0.08,
+    turn_loss_std=1.2,
+    bias_std_rad=0.01,
+    start_std_m=0.05,
+    start_std_rad=0.05,
+)
 
 
 def start_kind(text: str) -> Start:
@@ -136,7 +148,7 @@ def _robot(
             steering_rad=math.pi / 2 - 0.01,
             steering_rate_radps=4.0,
         ),
-        localiser=LOCALISER,
+        localiser=LOCALISER.model_copy(update={"start": start}),
         failsafe=Failsafe(
             bearing_timeout_s=BEARING_TIMEOUT_S,
             encoder_timeout_s=DEVICE_TIMEOUT_S,

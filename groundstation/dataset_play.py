@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import msgspec
+import numpy as np
 
 from config import topics
 from config.fleet import Fleet
@@ -33,9 +34,34 @@ class Played:
     seconds: float = 0.0
     real_s: float = 0.0
 
+    @property
+    def trusted_poses(self) -> list[tuple[float, PoseEstimate]]:
+        """The poses that the robot would have driven on."""
+        return [(t_s, pose) for t_s, pose in self.poses if pose.valid and pose.trusted]
+
+    @property
+    def trusted_from_s(self) -> float | None:
+        """From when on the robot has trusted its pose until the end; None where it does not."""
+        if not self.poses:
+            return None
+        t_s, last = self.poses[-1]
+        if not last.trusted or last.trusted_since_s is None:
+            return None
+        return max(0.0, last.trusted_since_s - (last.t_ns * 1e-9 - t_s))
+
+    def trusted_share(self, from_s: float) -> float:
+        """Share of the time from `from_s` on in which the robot trusted a pose."""
+        looks = sum(t_s >= from_s for t_s, _ in self.statuses)
+        period_s = (self.seconds - from_s) / looks if looks else 0.0
+        times = np.array([t_s for t_s, _ in self.trusted_poses if t_s >= from_s])
+        if not len(times) or not looks:
+            return 0.0
+        filled = len(np.unique(np.floor((times - from_s) / period_s)))
+        return min(1.0, filled / looks)
+
     def keep(self, t_s: float, message: Message) -> None:
-        """Keep a message that is judged; estimates that are not valid are none."""
-        if isinstance(message, PoseEstimate) and message.valid:
+        """Keep a message that is judged; relative estimates that are not valid are none."""
+        if isinstance(message, PoseEstimate):
             self.poses.append((t_s, message))
         elif isinstance(message, RelativeEstimate) and message.valid:
             self.relatives.append((t_s, message))

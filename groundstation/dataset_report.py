@@ -14,6 +14,7 @@ from groundstation.dataset_score import RobotScore
 MAX_POSITION_RMS_M = 0.30
 MAX_MEAN_POSITION_RMS_M = 0.20
 NEES_MEDIAN = (1.0, 6.0)
+MIN_TRUSTED_SHARE = 0.95
 
 
 class DataSetReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,7 +31,7 @@ class DataSetReport(msgspec.Struct, frozen=True, kw_only=True):
     results: str
 
 
-def misses(robots: dict[str, RobotScore], start: str) -> list[str]:
+def misses(robots: dict[str, RobotScore]) -> list[str]:
     """Every bar that the robots miss, with value and limit."""
     why: list[str] = []
     for name, score in robots.items():
@@ -44,8 +45,11 @@ def misses(robots: dict[str, RobotScore], start: str) -> list[str]:
                 f"robot {name}: median NEES {score.nees_median:.2f}, limits {NEES_MEDIAN[0]:g} to "
                 f"{NEES_MEDIAN[1]:g}"
             )
-        if start == "unknown" and score.trusted_from_s is None:
-            why.append(f"robot {name}: does not trust its pose at the end")
+        if score.trusted_share < MIN_TRUSTED_SHARE:
+            why.append(
+                f"robot {name}: trusts a pose in {score.trusted_share:.0%} of the time, limit "
+                f"{MIN_TRUSTED_SHARE:.0%}"
+            )
     if (mean_m := mean_position_rms_m(robots)) > MAX_MEAN_POSITION_RMS_M:
         why.append(
             f"position error {mean_m:.3f} m RMS in the mean over {len(robots)} robots, limit "
@@ -94,6 +98,8 @@ _ROWS: tuple[tuple[str, Callable[[RobotScore], str]], ...] = (
     ("landmark bearings", lambda score: str(score.bearings_used)),
     ("judged [s]", lambda score: f"{score.judged_from_s:.0f}-{score.seconds:.0f}"),
     ("trusted from [s]", lambda score: _seconds(score.trusted_from_s)),
+    ("bearings rejected", lambda score: str(score.bearings_rejected)),
+    ("trusted share", lambda score: f"{score.trusted_share:.0%}"),
     ("times real time", lambda score: f"{score.times_real_time:.0f}"),
 )
 

@@ -53,12 +53,13 @@ class Errors(NamedTuple):
 
 
 class RobotScore(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot's result, judged from `judged_from_s` after the recording's start on.
+    """One robot's result, judged where it trusts its pose, from `judged_from_s` on.
 
     NEES is that of (x, y, heading), 3 degrees of freedom: a consistent filter's median is 2.4.
     `coverage` is the share of time in which the truth lies inside the 95 % ellipse of the
-    position. `bearings_used` counts the bearings to landmarks that were played in all `seconds`.
-    `trusted_from_s` is from when on the robot trusted its pose to the end.
+    position. `bearings_used` counts the bearings to landmarks in all `seconds`, but for those that
+    the robot rejected. `trusted_from_s` is from when on the robot trusted its pose to the end, and
+    `trusted_share` the share of the judged time in which it trusted one.
     """
 
     position_rms_m: float
@@ -68,11 +69,13 @@ class RobotScore(msgspec.Struct, frozen=True, kw_only=True):
     nees_median: float
     coverage: float
     bearings_used: int
+    bearings_rejected: int
     unknown_barcodes: dict[int, int]
     seconds: float
     judged_from_s: float
     times_real_time: float
     trusted_from_s: float | None
+    trusted_share: float
 
 
 def pose_track(poses: list[tuple[float, PoseEstimate]]) -> PoseTrack:
@@ -124,13 +127,20 @@ def pose_errors(track: PoseTrack, truth: TruthTrack, from_s: float) -> Errors:
 def score(
     recording: Recording,
     errors: Errors,
+    *,
     seconds: float,
     judged_from_s: float,
     times_real_time: float,
     trusted_from_s: float | None,
+    trusted_share: float,
+    rejected: int,
 ) -> RobotScore:
     """The numbers of one robot; there must be at least one error."""
     landmarks, end_s = recording.landmark_subjects, recording.start_s + seconds
+    played = sum(
+        recording.start_s <= seen.t_s <= end_s and seen.subject in landmarks
+        for seen in recording.bearings
+    )
     return RobotScore(
         position_rms_m=_rms(errors.position_m),
         position_median_m=float(np.median(errors.position_m)),
@@ -138,15 +148,14 @@ def score(
         heading_rms_rad=_rms(errors.heading_rad),
         nees_median=float(np.median(errors.nees)),
         coverage=float(errors.inside.mean()),
-        bearings_used=sum(
-            recording.start_s <= seen.t_s <= end_s and seen.subject in landmarks
-            for seen in recording.bearings
-        ),
+        bearings_used=played - rejected,
+        bearings_rejected=rejected,
         unknown_barcodes=recording.unknown_barcodes,
         seconds=seconds,
         judged_from_s=judged_from_s,
         times_real_time=times_real_time,
         trusted_from_s=trusted_from_s,
+        trusted_share=trusted_share,
     )
 
 

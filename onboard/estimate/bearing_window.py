@@ -30,11 +30,12 @@ MAX_POSITION_DRIFT_M = 2.0
 
 
 class Walked(NamedTuple):
-    """What drift grows with, since the window began."""
+    """What drift grows with, since the window began. `turning_m` is the way times its turn rate."""
 
     path_m: float = 0.0
     turned_rad: float = 0.0
     active_s: float = 0.0
+    turning_m: float = 0.0
 
 
 @dataclass(slots=True)
@@ -82,7 +83,7 @@ class BearingWindow:
         self._wheelbase_m = wheelbase_m
         self._mounting = mounting
         self._known_rate: KnownRate = known_rate
-        self._mean: Mean = (0.0, 0.0, steering_rad, 0.0, 0.0, 0.0, 0.0)
+        self._mean: Mean = (0.0, 0.0, steering_rad, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._rates = Rates()
         self._walked = Walked()
         self._entries: list[Entry] = []
@@ -96,11 +97,13 @@ class BearingWindow:
         """Dead reckoning by one step."""
         before = self._mean
         self._mean, _, self._rates = advance(before, given, self._wheelbase_m, self._known_rate)
-        path, turned, active = self._walked
+        path, turned, active, turning = self._walked
+        turn = abs(self._mean[2] - before[2])
         self._walked = Walked(
             path + abs(given.speed_mps) * given.dt_s,
-            turned + abs(self._mean[2] - before[2]),
+            turned + turn,
             active + given.dt_s * (STANDING_NOISE**2 if stands(given) else 1.0),
+            turning + abs(given.speed_mps) * turn,
         )
 
     def measure_steering(self, steering_rad: float) -> None:
@@ -164,6 +167,7 @@ class BearingWindow:
             path = self._walked.path_m - entry.walked.path_m
             turned = self._walked.turned_rad - entry.walked.turned_rad
             active = self._walked.active_s - entry.walked.active_s
+            turning = self._walked.turning_m - entry.walked.turning_m
             net = self._mean[2] - entry.fork_rad
             yield (
                 entry,
@@ -172,5 +176,6 @@ class BearingWindow:
                 + (settings.turn_scale_std * net) ** 2,
                 settings.position_noise_m**2 * active
                 + settings.travel_noise_m**2 * path
-                + (settings.speed_scale_std * path) ** 2,
+                + (settings.speed_scale_std * path) ** 2
+                + (settings.turn_loss_std * turning) ** 2,
             )

@@ -20,6 +20,7 @@ from onboard.estimate.localiser_motion import (
     BIAS,
     FORK,
     HEADING,
+    LOSS,
     NOISES,
     SPEED,
     STATES,
@@ -52,7 +53,7 @@ class PoseFilter:
         mean: Mean,
         root: Array,
     ) -> None:
-        """`root` (7, 7) is a factor of the covariance at `mean`."""
+        """`root` (8, 8) is a factor of the covariance at `mean`."""
         self._settings = settings
         self._wheelbase_m = wheelbase_m
         self._mounting = mounting
@@ -76,7 +77,7 @@ class PoseFilter:
         steering_rad: float,
     ) -> Self:
         """Start at (x, y, eta) with a factor (3, 3) of its covariance, the fork as it stands."""
-        mean = (*pose, pose[2] - steering_rad, 0.0, 0.0, 0.0)
+        mean = (*pose, pose[2] - steering_rad, 0.0, 0.0, 0.0, 0.0)
         root = np.zeros((STATES, STATES))
         root[:HEADING, :HEADING] = pose_root
         root[HEADING, :HEADING] = pose_root[FORK]
@@ -84,6 +85,7 @@ class PoseFilter:
         root[BIAS, BIAS] = settings.bias_std_rad
         root[SPEED, SPEED] = settings.speed_scale_std
         root[TURN, TURN] = settings.turn_scale_std
+        root[LOSS, LOSS] = settings.turn_loss_std
         return cls(settings, wheelbase_m, mounting, landmarks, known_rate, mean, root)
 
     @property
@@ -149,7 +151,7 @@ class PoseFilter:
         variance = float(row @ row) + std * std
         cross: Array = self._root @ row
         step = (cross * (residual / variance)).tolist()
-        x, y, fork, heading, bias, speed, turn = self._mean
+        x, y, fork, heading, bias, speed, turn, loss = self._mean
         self._mean = (
             x + step[X],
             y + step[Y],
@@ -158,6 +160,7 @@ class PoseFilter:
             bias + step[BIAS],
             speed + step[SPEED],
             turn + step[TURN],
+            loss + step[LOSS],
         )
         share = 1.0 / (variance + std * math.sqrt(variance))
         self._root = self._root - np.multiply.outer(cross * share, row)

@@ -1,8 +1,9 @@
 """Motion and measurement of the Gaussian localiser: mean, Jacobians and process noise.
 
 States: x, y, eta, theta of (3), then what is constant but for a slow drift: the bearings' bias
-[rad], and the scale errors of speed and turn (a robot goes (1 + scale) times what its odometry
-says). The turn's scale error acts on eta' and turns fork and body alike.
+[rad], the scale errors of speed and turn (a robot goes (1 + scale) times what its odometry says),
+and the share of speed lost per rad/s that the fork turns, as wheels do that slip or saturate in
+turns. The turn's scale error acts on eta' and turns fork and body alike.
 """
 
 import math
@@ -21,11 +22,11 @@ from onboard.estimate.localiser import (
 )
 
 Array = NDArray[np.float64]
-Mean = tuple[float, float, float, float, float, float, float]
+Mean = tuple[float, float, float, float, float, float, float, float]
 
-X, Y, FORK, HEADING, BIAS, SPEED, TURN = range(7)
-STATES = 7
-NOISES = 9
+X, Y, FORK, HEADING, BIAS, SPEED, TURN, LOSS = range(8)
+STATES = 8
+NOISES = 10
 
 SCALE_DRIFT = 0.01
 """Drift of bias and scale errors per square root of a second, as a share of their deviation."""
@@ -58,17 +59,20 @@ class Input(NamedTuple):
 def advance(
     mean: Mean, given: Input, wheelbase_m: float, kind: KnownRate
 ) -> tuple[Mean, Array, Rates]:
-    """Midpoint step of (3): the mean after it, its Jacobian (7, 7), and the rates."""
-    x, y, eta, theta, bias, speed_scale, turn_scale = mean
+    """Midpoint step of (3): the mean after it, its Jacobian (8, 8), and the rates."""
+    x, y, eta, theta, bias, speed_scale, turn_scale, turn_loss = mean
     dt, told, rate = given
-    speed, turns_with_body = told * (1.0 + speed_scale), kind == "steering"
+    turns_with_body = kind == "steering"
+    told_turn = abs(rate + (told * math.sin(eta - theta) / wheelbase_m if turns_with_body else 0.0))
+    slip = 1.0 + speed_scale - turn_loss * told_turn
+    speed = told * slip
     delta, shrink = eta - theta + rate * dt / 2, 1.0
     if not turns_with_body:
         half = speed * dt / (2 * wheelbase_m)
         shrink = 1.0 - half * math.cos(eta - theta)
         delta -= half * math.sin(eta - theta)
     by_scale = told * math.sin(delta) * dt / wheelbase_m
-    yaw, gain = by_scale * (1.0 + speed_scale), speed * math.cos(delta) * shrink * dt / wheelbase_m
+    yaw, gain = by_scale * slip, speed * math.cos(delta) * shrink * dt / wheelbase_m
     coupled = 1.0 if turns_with_body else 0.0
     turn = rate * dt + coupled * yaw
     fork_turn, body_turn = turn * (1.0 + turn_scale), yaw + turn * turn_scale
@@ -88,6 +92,7 @@ def advance(
         f[row, HEADING] -= factor * gain
         f[row, SPEED] = factor * by_scale
         f[row, TURN] = turn
+    f[:BIAS, LOSS] = -told_turn * f[:BIAS, SPEED]
     moved = (
         x + east * dt,
         y + north * dt,
@@ -96,6 +101,7 @@ def advance(
         bias,
         speed_scale,
         turn_scale,
+        turn_loss,
     )
     if dt == 0.0:
         return moved, f, Rates(east, north)
@@ -111,7 +117,7 @@ def stands(given: Input) -> bool:
 
 
 def noise_rows(settings: fleet.Localiser, given: Input, rates: Rates, rows: Array) -> None:
-    """Write the process noise of one step into `rows` (9, 7): Q is rows^T rows."""
+    """Write the process noise of one step into `rows` (10, 8): Q is rows^T rows."""
     share = math.sqrt(given.dt_s) * (STANDING_NOISE if stands(given) else 1.0)
     rows[0, X] = rows[1, Y] = settings.position_noise_m * share
     rows[2, FORK] = rows[3, HEADING] = settings.heading_noise_rad * share
@@ -127,6 +133,7 @@ def noise_rows(settings: fleet.Localiser, given: Input, rates: Rates, rows: Arra
     rows[6, BIAS] = settings.bias_std_rad * drift
     rows[7, SPEED] = settings.speed_scale_std * drift
     rows[8, TURN] = settings.turn_scale_std * drift
+    rows[9, LOSS] = settings.turn_loss_std * drift
 
 
 def predicted_bearing(
@@ -136,7 +143,7 @@ def predicted_bearing(
     landmark: tuple[float, float],
     mounting: Mounting,
 ) -> tuple[float, Array]:
-    """Bearing (5) at its capture, not wrapped, and its gradient (7,) by the present state."""
+    """Bearing (5) at its capture, not wrapped, and its gradient (8,) by the present state."""
     age = seen.age_s
     east = landmark[0] - mean[X] + age * rates.x_mps
     north = landmark[1] - mean[Y] + age * rates.y_mps
@@ -157,6 +164,7 @@ def predicted_bearing(
             by_fork + own_fork + age * gain,
             own_heading - age * gain,
             1.0,
+            0.0,
             0.0,
             0.0,
         )
