@@ -34,6 +34,34 @@ def _study() -> None:
     """Keeps `echelon study` a group however many studies there are."""
 
 
+@study_app.command(epilog="Example: echelon study localiser --seeds 100 --landmarks 2 3 4 --json")
+def localiser(
+    seeds: Seeds = 100,
+    kind: Annotated[str, typer.Option(metavar="gaussian|particle", help="Of localiser.")] = (
+        "gaussian"
+    ),
+    landmarks: Annotated[
+        list[int] | None,
+        typer.Option(min=0, max=4, metavar="N ...", help="How many of them; default: 2 3 4."),
+    ] = None,
+    more: Annotated[list[int] | None, typer.Argument(min=0, max=4, hidden=True)] = None,
+    json: Json = False,
+) -> None:
+    """Position error of a localiser on the paper's scenario against the bound. Core alone."""
+    with bad_input_told(json), signals_end_it(kept="nothing is left behind"):
+        from rich.console import Console
+
+        from groundstation.study.localiser import kind_of, print_localiser, study_localiser
+
+        counts = sorted({*(landmarks or ()), *(more or ())}) or [2, 3, 4]
+        report = study_localiser(kind_of(kind), counts, seeds, Console(stderr=True))
+        if json:
+            _write_json(report)
+        else:
+            print_localiser(Console(), report)
+    raise typer.Exit(0 if report.ok else NOT_GOOD)
+
+
 @study_app.command(epilog="Example: echelon study relative --seeds 50 --markers 1 --no-mutual")
 def relative(
     seeds: Seeds = 50,
