@@ -145,12 +145,15 @@ class BusHealth(msgspec.Struct, frozen=True):
 
 
 class DriveHealth(msgspec.Struct, frozen=True):
-    """One motor drive as its driver sees it."""
+    """One motor drive as its driver sees it; None where it has not said a finite number.
+
+    Position and velocity are the joint's: m and m/s for the drive, rad and rad/s for the steering.
+    """
 
     state: str
     faults: list[str]
-    position: float
-    velocity: float
+    position: float | None
+    velocity: float | None
 
 
 class Status(Message, frozen=True, kw_only=True):

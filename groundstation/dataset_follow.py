@@ -99,10 +99,10 @@ def _is_fresh(seen: Sequence[float], t_s: float) -> bool:
 
 
 def _fork(played: Played) -> tuple[Floats, Floats]:
-    """Steering angle of the follower as its steering drive reports it, over time."""
-    times = [t for t, _ in played.statuses]
-    angles = [status.steering.position for _, status in played.statuses]
-    return np.array(times), np.array(angles)
+    """Steering angle of the follower as it reports it, over time."""
+    times = [t for t, _ in played.motions]
+    angles = [motion.steering_rad for _, motion in played.motions]
+    return np.array(times), np.unwrap(angles)
 
 
 def _rms(values: Floats) -> float | None:

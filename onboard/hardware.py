@@ -1,5 +1,7 @@
 """The devices on one robot's bus behind one face: frames in, measurements and frames out."""
 
+import math
+
 from config.angles import wrap
 from config.can.database import CanDatabase
 from config.can.frame import Frame
@@ -73,7 +75,9 @@ class Hardware:
         drive = self.drive.feedback
         if drive.velocity is None or drive.t_estimate_s is None or self._steering_rad is None:
             return None
-        if now_s - drive.t_estimate_s > self._timeout_s or self.encoder.problem(now_s) is not None:
+        if not math.isfinite(drive.velocity) or now_s - drive.t_estimate_s > self._timeout_s:
+            return None
+        if self.encoder.problem(now_s) is not None:
             return None
         return Odometry(drive.velocity, self._steering_rad, self._rate_radps)
 
@@ -169,6 +173,11 @@ def drive_health(feedback: MotorFeedback) -> DriveHealth:
     return DriveHealth(
         feedback.state.name,
         [*feedback.faults] or ([feedback.reason] if feedback.state is MotorState.FAULT else []),
-        feedback.position or 0.0,
-        feedback.velocity or 0.0,
+        _finite(feedback.position),
+        _finite(feedback.velocity),
     )
+
+
+def _finite(value: float | None) -> float | None:
+    """Not-a-number has no JSON form."""
+    return value if value is not None and math.isfinite(value) else None

@@ -48,6 +48,8 @@ def test_an_encoder_that_contradicts_the_steering_drive_stops_the_robot() -> Non
         ("drive", "disarm", "drive: left closed-loop control", "FAULT"),
         ("steering", "mute", "steering: no", "FAULT"),
         ("drive", "restart", "drive: no", "FAULT"),
+        ("drive", "nan", "encoder estimate not finite", "FAULT"),
+        ("steering", "nan", "encoder estimate not finite", "FAULT"),
     ],
 )
 def test_a_broken_device_stops_its_robot_and_those_behind(
