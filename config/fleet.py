@@ -7,19 +7,34 @@ every robot's settings complete. `config.loader` reads the file and reports its 
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Angle = Annotated[float, Field(ge=-math.pi, le=math.pi, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0, le=1)]
+from config.failsafe import Failsafe as Failsafe
+from config.section import Angle as Angle
+from config.section import Finite as Finite
+from config.section import NonNegative as NonNegative
+from config.section import Positive as Positive
+from config.section import Probability as Probability
+from config.section import Section as Section
 
-
-class Section(BaseModel):
-    """A part of the fleet file: unknown keys are mistakes, values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+CheckName = Literal[
+    "bus",
+    "bus_load",
+    "safety_node",
+    "drives",
+    "firmware",
+    "supply",
+    "steering_encoder",
+    "steering_reference",
+    "bearing_sensor",
+    "sensor_rate",
+    "leader",
+    "clock_offset",
+    "disk",
+    "realtime",
+    "estimate",
+]
+"""The checks before arming, in the order in which an operator would go about them."""
 
 
 class Point(Section):
@@ -48,7 +63,7 @@ class Axis(Section):
     revolutions_per_unit: Positive = Field(
         description="motor rev per metre (drive) or per radian (steering)"
     )
-    firmware: Literal["0.6"] = "0.6"
+    firmware: Literal["0.5", "0.6"] = "0.6"
 
 
 class Vehicle(Section):
@@ -183,20 +198,29 @@ class Observability(Section):
     )
 
 
-class Failsafe(Section):
-    """Silence that leads to a controlled stop, how late a loop may be, and how near to the leader.
+class Arming(Section):
+    """What arming asks for, and which of its checks an operator may override.
 
-    A follower falls back where the range's standard deviation exceeds `range_std_fraction` of the
-    range, and stops where the range less three deviations is below `safe_distance_m`.
+    Every override is recorded as an event.
     """
 
-    leader_timeout_s: Positive = 0.2
-    bearing_timeout_s: Positive = 0.3
-    drive_heartbeat_timeout_s: Positive = 0.35
-    encoder_timeout_s: Positive = 0.05
-    loop_late_s: Positive = 0.05
-    safe_distance_m: Positive = 0.2
-    range_std_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    allow_override: list[CheckName] = Field(default=[])
+    require_realtime: bool = False
+    max_bus_load: Annotated[float, Field(gt=0, le=1)] = 0.7
+    min_free_disk_mb: NonNegative = 100.0
+    min_sensor_rate_fraction: Annotated[float, Field(ge=0, le=1)] = 0.5
+    max_clock_offset_s: Positive = 0.05
+
+
+class BlackBox(Section):
+    """Log of all CAN frames (BLF) in `folder`, in files of about `file_mb`, the last `files` kept.
+
+    `folder` may hold `{fleet}`, `{robot}` and `{runtime}`. Nothing is logged without one.
+    """
+
+    folder: str | None = None
+    file_mb: Positive = 32.0
+    files: Annotated[int, Field(ge=2)] = 8
 
 
 class Loop(Section):
@@ -225,6 +249,8 @@ class Robot(Section):
     formation: Formation = Formation()
     observability: Observability = Observability()
     failsafe: Failsafe = Failsafe()
+    arming: Arming = Arming()
+    black_box: BlackBox = BlackBox()
     loop: Loop = Loop()
 
     @model_validator(mode="after")
@@ -307,7 +333,7 @@ class Fleet(Section):
     ground: str = Field(
         default="tcp/127.0.0.1:7447", description="Zenoh endpoint of the ground station"
     )
-    landmarks: list[Marker] = []
+    landmarks: list[Marker] = Field(default=[])
     robots: Annotated[dict[str, Robot], Field(min_length=1)]
     mission: Mission
     simulation: Simulation = Simulation()

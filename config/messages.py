@@ -134,7 +134,12 @@ class LoopHealth(msgspec.Struct, frozen=True):
 
 
 class BusHealth(msgspec.Struct, frozen=True):
-    """Counters of one robot's CAN port since it was opened."""
+    """State and counters of one robot's CAN port since the process began.
+
+    `load` is the share of the bus that the frames of the last second fill, stuffing at its worst.
+    `reopened` counts how often the link was opened again; `log_dropped` the frames that the black
+    box had no time for.
+    """
 
     state: str
     reason: str
@@ -142,6 +147,9 @@ class BusHealth(msgspec.Struct, frozen=True):
     sent: int
     send_failures: int
     error_frames: int
+    load: float = 0.0
+    reopened: int = 0
+    log_dropped: int = 0
 
 
 class DriveHealth(msgspec.Struct, frozen=True):
@@ -185,10 +193,14 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """An operator's request: name is one of "arm", "start", "stop", "reset"."""
+    """An operator's request: name is one of "arm", "start", "stop", "reset".
+
+    `override` names checks that arming and starting may leave aside, where the fleet file allows.
+    """
 
     name: str
     operator: str
+    override: list[str] = []
 
 
 class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -201,6 +213,12 @@ class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
 
 class Estop(Message, frozen=True, kw_only=True):
     """Emergency stop, repeated until every robot is in state ESTOP. Latched by the robots."""
+
+    operator: str
+
+
+class Ground(Message, frozen=True, kw_only=True):
+    """Heartbeat of the ground station, for robots whose fleet file asks for it."""
 
     operator: str
 

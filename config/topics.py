@@ -36,6 +36,7 @@ RELATIVE = Topic(
 STATUS = Topic("status", "echelon/{fleet}/{robot}/status", messages.Status, 10.0, 0.5)
 EVENT = Topic("event", "echelon/{fleet}/{robot}/event", messages.Event)
 ESTOP = Topic("estop", "echelon/{fleet}/all/estop", messages.Estop)
+GROUND = Topic("ground", "echelon/{fleet}/all/ground", messages.Ground, 10.0, 0.5, False)
 COMMAND = Topic("command", "echelon/{fleet}/{robot}/command", messages.Command, recorded=False)
 TRUTH = Topic("truth", "truth/{fleet}/{robot}/pose", messages.Truth, 100.0, 0.2)
 

@@ -149,10 +149,13 @@ def _robot(
             steering_rate_radps=4.0,
         ),
         localiser=LOCALISER.model_copy(update={"start": start}),
-        failsafe=Failsafe(
-            bearing_timeout_s=BEARING_TIMEOUT_S,
-            encoder_timeout_s=DEVICE_TIMEOUT_S,
-            loop_late_s=DEVICE_TIMEOUT_S,
+        failsafe=Failsafe.model_validate(
+            {
+                "bearings_stale": {"after_s": BEARING_TIMEOUT_S},
+                "drive_estimate_stale": {"after_s": DEVICE_TIMEOUT_S},
+                "encoder_stale": {"after_s": DEVICE_TIMEOUT_S},
+                "loop_overrun": {"after_s": DEVICE_TIMEOUT_S},
+            }
         ),
         loop=Loop(rate_hz=LOOP_HZ),
     )

@@ -4,7 +4,7 @@ Nothing here waits or reads a clock, so a run depends on the fleet file and the 
 """
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -15,7 +15,17 @@ from config import topics
 from config.can.database import CanDatabase
 from config.faults import FaultScript
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, LoopHealth, Motion, Status, Truth, encode
+from config.messages import (
+    Command,
+    CommandReply,
+    Estop,
+    Ground,
+    LoopHealth,
+    Motion,
+    Status,
+    Truth,
+    encode,
+)
 from config.topics import Topic
 from groundstation.formation_tree import start_order
 from onboard.canbus.port import CanPort
@@ -45,6 +55,7 @@ WALL_OFFSET_S = 1_000_000_000.0
 READY_LIMIT_S = 20.0
 STOP_LIMIT_S = 10.0
 COMMAND_LIMIT_S = 2.0
+GROUND_TICKS = 10
 AT_REST = frozenset({"STANDBY", "FAULT", "ESTOP"})
 
 
@@ -55,7 +66,8 @@ class LockstepFailed(Exception):
 class Station:
     """One robot's computer: its `Robot`, and its port on the bus of emulated devices.
 
-    `running` False is what a killed process looks like, `late_s` what a stalled one does.
+    `running` False is what a killed process looks like, `late_s` what a stalled one does,
+    `ending` one that got SIGTERM, and `clock_step_s` one whose wall clock has been set.
     """
 
     def __init__(
@@ -67,9 +79,12 @@ class Station:
         self.mail: list[Motion] = []
         self.requests: list[Request] = []
         self.estops: list[Estop] = []
+        self.grounds: list[Ground] = []
         self.replies: dict[int, CommandReply] = {}
         self.running = True
         self.late_s = 0.0
+        self.ending = False
+        self.clock_step_s = 0.0
 
     def close(self) -> None:
         """Leave the bus."""
@@ -77,19 +92,21 @@ class Station:
 
     def step(self, now_s: float, cycle: int) -> list[tuple[Topic, bytes]]:
         """One step of the robot; returns its messages as they are published."""
-        wall_s = now_s + WALL_OFFSET_S
+        wall_s = now_s + WALL_OFFSET_S + self.clock_step_s
         inputs = Inputs(
             now_s=now_s,
             wall_s=wall_s,
             frames=self.port.receive(now_s, wall_s),
             bus=self.port.health(),
-            loop=LoopHealth(cycle, 0, 0.0, 0.0, 0.0, 0.0, realtime=False),
+            loop=LoopHealth(cycle, 0, 0.0, 0.0, 0.0, 0.0, realtime=True),
             late_s=self.late_s,
             motions=self.mail,
             requests=self.requests,
             estops=self.estops,
+            grounds=self.grounds,
+            shutdown=self.ending,
         )
-        self.mail, self.requests, self.estops = [], [], []
+        self.mail, self.requests, self.estops, self.grounds = [], [], [], []
         outputs: Outputs = self.robot.step(inputs)
         self.port.send(outputs.frames)
         self.replies |= dict(outputs.replies)
@@ -104,6 +121,7 @@ class Lockstep:
         self.now_s = START_S
         self.statuses: dict[str, Status] = {}
         self.simulation = SimulatedFleet(fleet, seed, START_S, CanDatabase.load())
+        self.ground = True
         self._record = record
         self._ticks = 0
         self._numbers = itertools.count(1)
@@ -136,6 +154,8 @@ class Lockstep:
         self.now_s = START_S + self._ticks * self.period_s
         self.simulation.advance(self.now_s)
         self._publish_truth()
+        if self.ground and self._ticks % GROUND_TICKS == 0:
+            self._beat()
         sent: list[tuple[Topic, str, bytes]] = []
         for name, station in self.stations.items():
             station.host_bus.update(self.now_s)
@@ -158,11 +178,12 @@ class Lockstep:
         """Tick for so long."""
         self.run_until(lambda: False, seconds)
 
-    def command(self, name: str, command: str) -> CommandReply:
+    def command(self, name: str, command: str, override: Sequence[str] = ()) -> CommandReply:
         """Send an operator's command and tick until it is answered."""
         number = next(self._numbers)
         station = self.stations[name]
-        station.requests.append(Request(number, Command(name=command, operator="lockstep")))
+        wanted = Command(name=command, operator="lockstep", override=list(override))
+        station.requests.append(Request(number, wanted))
         if not self.run_until(lambda: number in station.replies, 1.0):
             return CommandReply(robot=name, accepted=False, reason="no reply within 1 s")
         return station.replies.pop(number)
@@ -223,6 +244,13 @@ class Lockstep:
     def _put(self, key: str, body: bytes) -> None:
         if self._record is not None:
             self._record(key, body, self._wall_ns())
+
+    def _beat(self) -> None:
+        """The ground station's heartbeat."""
+        t_ns, wall_ns = self._nanoseconds(), self._wall_ns()
+        beat = Ground(seq=self._ticks, t_ns=t_ns, wall_ns=wall_ns, operator="lockstep")
+        for station in self.stations.values():
+            station.grounds.append(beat)
 
     def _publish_truth(self) -> None:
         self._truth_seq += 1

@@ -14,7 +14,7 @@ from onboard.estimate.nis_watch import NisWatch
 from onboard.estimate.observability_monitor import RangeMonitor
 from onboard.model.vehicle import WheelMotion
 from onboard.role import Observation, Odometry, Stamp
-from onboard.safety.observations import LeaderSeen
+from onboard.safety.observations import EstimateSeen, LeaderSeen
 from onboard.safety.range_watch import RangeWatch, unobservable
 from onboard.sightings import SightingBox
 
@@ -42,6 +42,7 @@ class Follower:
         self._motion: Motion | None = None
         self._leader_wheel = WheelMotion(0.0, 0.0)
         self._sightings = SightingBox(name)
+        self._mutual_s: float | None = None
         self._driving = False
         self._nis = 0.0
         self.observability = RangeMonitor(self._robot, self._leader, self._leader_name)
@@ -107,6 +108,7 @@ class Follower:
             marker = self._own_markers.get(seen.marker)
             if marker is not None:
                 self._count(estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, age_s))
+                self._mutual_s = at.now_s
 
     def start(self, steering_rad: float) -> None:
         """Wait for the leader to move."""
@@ -162,10 +164,21 @@ class Follower:
         problem = None if motion.valid else f"does not know its own motion ({motion.reason})"
         return LeaderSeen(self._leader_name, age_s, motion.state, problem)
 
-    def estimate_problem(self) -> str | None:
+    def estimate_seen(self, at: Stamp) -> EstimateSeen:
         """The leader is lost, or the range or the filter's own claims are not to be trusted."""
-        too_near = self._range_watch.problem if self._driving else None
-        return self._lost() or too_near or self._nis_watch.problem()
+        watch, mutual_s = self._range_watch, self._mutual_s
+        return EstimateSeen(
+            lost=self._lost(),
+            unobservable=self.observability.problem(),
+            nis=self._nis_watch.problem(),
+            range_uncertain=watch.uncertain if self._driving else None,
+            too_near=watch.problem if self._driving else None,
+            mutual_age_s=None if mutual_s is None else at.now_s - mutual_s,
+        )
+
+    def restrain(self, slow: bool, hold_distance: bool) -> None:
+        """A slower follower would lose its leader: either way it falls back."""
+        self._range_watch.fall_back = slow or hold_distance
 
     def _lost(self) -> str | None:
         """The filter has lost the leader where it believes none of its bearings any more."""

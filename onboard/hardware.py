@@ -13,41 +13,41 @@ from onboard.canbus.bearing_sensor import Bearing, BearingSensor, BearingSet
 from onboard.canbus.drive.driver import MotorDriver, MotorFeedback, MotorState
 from onboard.canbus.drive.odrive import OdriveAxis
 from onboard.canbus.host import BearingOrders, HostFrames
+from onboard.canbus.safety_node import SafetyNode
 from onboard.canbus.steering_encoder import SteeringEncoder
 from onboard.control.steering import WheelSetpoint
 from onboard.role import Observation, Odometry
 from onboard.safety.observations import DriveSeen
-
-# Both may be 10 ms old: at 4 rad/s that alone is 0.08 rad.
-STEERING_DISAGREEMENT_RAD = 0.15
 
 
 class Hardware:
     """Two drives, the steering encoder and the bearing sensor of one robot."""
 
     def __init__(self, robot: Robot, database: CanDatabase) -> None:
-        vehicle, timeouts, aux = robot.vehicle, robot.failsafe, database.vehicle_aux()
+        vehicle, table, aux = robot.vehicle, robot.failsafe, database.vehicle_aux()
         self.steering = OdriveAxis(
             database.axis(vehicle.steering.node),
             ControlMode.POSITION_CONTROL,
             vehicle.steering.revolutions_per_unit,
-            timeouts,
+            table,
         )
         self.drive = OdriveAxis(
             database.axis(vehicle.drive.node),
             ControlMode.VELOCITY_CONTROL,
             vehicle.drive.revolutions_per_unit,
-            timeouts,
+            table,
         )
         sensor_codecs = database.bearing_sensor(robot.bearing_sensor.unit)
         self.sensor = BearingSensor(sensor_codecs, robot.bearing_sensor)
-        self.encoder = SteeringEncoder(aux, timeouts.encoder_timeout_s)
+        self.encoder = SteeringEncoder(aux, table.encoder_stale.after_s)
+        self.safety_node = SafetyNode(aux)
         self._orders = BearingOrders(sensor_codecs, robot.bearing_sensor.rate_hz)
         self._host = HostFrames(aux)
-        self._timeout_s = timeouts.encoder_timeout_s
+        self._timeout_s = table.drive_estimate_stale.after_s
         self._assumed_std_rad = robot.bearing_sensor.std_rad
         self._steering_rad: float | None = None
         self._rate_radps = 0.0
+        self.looks = 0
 
     @property
     def axes(self) -> tuple[MotorDriver, MotorDriver]:
@@ -60,6 +60,7 @@ class Hardware:
             self.steering.on_frame(frame)
             self.drive.on_frame(frame)
             self.encoder.on_frame(frame)
+            self.safety_node.on_frame(frame)
             self.sensor.on_frame(frame)
         angle_rad = self.encoder.angle_rad
         if angle_rad is not None and self._steering_rad is not None and dt_s > 0:
@@ -82,10 +83,12 @@ class Hardware:
         return Odometry(drive.velocity, self._steering_rad, self._rate_radps)
 
     def observations(self, now_s: float) -> list[Observation]:
-        """Identified bearings that have come in since the last call."""
+        """Identified bearings that have come in since the last call, in `looks` looks."""
+        looks = self.sensor.take(now_s)
+        self.looks = len(looks)
         return [
             self._observation(seen, look, now_s)
-            for look in self.sensor.take(now_s)
+            for look in looks
             for seen in look.targets
             if seen.target is not None
         ]
@@ -96,17 +99,12 @@ class Hardware:
             return "steering encoder gives no angle"
         return self.steering.align(self._steering_rad) or self.steering.arm() or self.drive.arm()
 
-    def steering_disagreement(self) -> str | None:
-        """Where steering drive and absolute encoder contradict each other, else None."""
-        if self._steering_rad is None:
-            return None
-        difference_rad = self.steering.difference(self._steering_rad)
-        if difference_rad is None or abs(difference_rad) <= STEERING_DISAGREEMENT_RAD:
-            return None
-        return (
-            f"steering drive and encoder disagree by {abs(difference_rad):.3f} rad, "
-            f"limit {STEERING_DISAGREEMENT_RAD:.3f} rad"
-        )
+    def steering_disagreement_rad(self) -> float | None:
+        """Angle by the steering drive minus that by the absolute encoder; None before arming.
+
+        Both may be 10 ms old: at 4 rad/s that alone is 0.08 rad.
+        """
+        return None if self._steering_rad is None else self.steering.difference(self._steering_rad)
 
     def command(self, setpoint: WheelSetpoint) -> None:
         """Setpoints of this cycle."""
@@ -158,13 +156,18 @@ class Hardware:
         return Observation(seen.target, seen.bearing_rad, wrap(body_rad), std_rad, age_s)
 
 
-def drive_seen(feedback: MotorFeedback, now_s: float) -> DriveSeen:
+def drive_seen(driver: MotorDriver, now_s: float) -> DriveSeen:
     """A drive as the safety checks see it."""
+    feedback = driver.feedback
     return DriveSeen(
         feedback.state,
         feedback.reason,
         None if feedback.t_heartbeat_s is None else now_s - feedback.t_heartbeat_s,
         None if feedback.t_estimate_s is None else now_s - feedback.t_estimate_s,
+        feedback.watchdog_expired,
+        feedback.bus_voltage_v,
+        feedback.temperature_degc,
+        feedback.firmware_problem,
     )
 
 

@@ -9,7 +9,7 @@ from onboard.estimate.localiser import LandmarkBearing, Localiser
 from onboard.estimate.localiser_factory import make_localiser
 from onboard.estimate.observability_monitor import LandmarkMonitor
 from onboard.role import Observation, Odometry, Stamp
-from onboard.safety.observations import LeaderSeen
+from onboard.safety.observations import EstimateSeen, LeaderSeen
 
 
 class Leader:
@@ -23,6 +23,7 @@ class Leader:
         self._plan = VelocityPlan(fleet.mission)
         self._localiser: Localiser | None = None
         self._reference: LeaderReference | None = None
+        self._pace = 1.0
         self.observability = LandmarkMonitor(self._robot, self._landmarks)
 
     def hear(self, motion: Motion) -> None:
@@ -61,7 +62,7 @@ class Leader:
     def drive(self, dt_s: float, wheels: WheelController, odometry: Odometry) -> WheelSetpoint:
         """Follow the schedule, open loop."""
         assert self._reference is not None, "start() comes before drive()"
-        return wheels.drive(dt_s, *self._reference.step(dt_s))
+        return wheels.drive(dt_s, *self._reference.step(dt_s, self._pace))
 
     def ended(self) -> str | None:
         """The schedule's end."""
@@ -80,6 +81,14 @@ class Leader:
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """A leader has no leader."""
         return None
+
+    def estimate_seen(self, at: Stamp) -> EstimateSeen:
+        """The pose is lost, or the landmarks have told too little for too long."""
+        return EstimateSeen(lost=self.estimate_problem(), unobservable=self.observability.problem())
+
+    def restrain(self, slow: bool, hold_distance: bool) -> None:
+        """Nobody is ahead to fall back from: either way the schedule runs at a slower pace."""
+        self._pace = self._robot.failsafe.slow_factor if slow or hold_distance else 1.0
 
     def estimate_problem(self) -> str | None:
         """The localiser does not trust its pose."""

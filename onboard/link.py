@@ -9,7 +9,7 @@ from zenoh.handlers import FifoChannel, Handler, RingChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, Motion, encode
+from config.messages import Command, CommandReply, Estop, Ground, Motion, encode
 from config.zenoh_settings import session_config
 from onboard.step import Outputs, Request
 
@@ -42,6 +42,11 @@ class Link:
             else None
         )
         self._estop = self._session.declare_subscriber(topics.ESTOP.key(fleet.name), RingChannel(1))
+        self._ground = (
+            self._session.declare_subscriber(topics.GROUND.key(fleet.name), RingChannel(1))
+            if fleet.robots[name].failsafe.ground_lost is not None
+            else None
+        )
         self._commands = self._session.declare_queryable(
             topics.COMMAND.key(fleet.name, name), FifoChannel(COMMAND_BACKLOG)
         )
@@ -78,6 +83,10 @@ class Link:
         if len(self._unreadable) > known:
             stops.append(Estop(seq=0, t_ns=0, wall_ns=0, operator="unreadable message"))
         return stops
+
+    def grounds(self) -> list[Ground]:
+        """The ground station's heartbeat since the last call, where the fleet file asks for it."""
+        return [] if self._ground is None else self._drain(self._ground.handler, Ground)
 
     def requests(self) -> list[Request]:
         """Operators' commands since the last call; each waits for its reply in `publish`."""

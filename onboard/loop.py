@@ -48,6 +48,7 @@ def run(
                 motions=link.motions(),
                 requests=link.requests(),
                 estops=link.estops(),
+                grounds=link.grounds(),
                 unreadable=link.unreadable(),
                 shutdown=shutdown(),
             )

@@ -6,7 +6,7 @@ from config.messages import Message, Motion
 from config.topics import Topic
 from onboard.control.steering import WheelController, WheelSetpoint
 from onboard.estimate.observability_monitor import ObservabilityMonitor
-from onboard.safety.observations import LeaderSeen
+from onboard.safety.observations import EstimateSeen, LeaderSeen
 
 
 class Odometry(NamedTuple):
@@ -73,8 +73,11 @@ class Role(Protocol):
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """Age and state of the leader's last message; None for a robot without a leader."""
 
-    def estimate_problem(self) -> str | None:
-        """Why the estimate cannot be driven on, or None."""
+    def estimate_seen(self, at: Stamp) -> EstimateSeen:
+        """What is wrong with the estimate, for the failsafe table."""
+
+    def restrain(self, slow: bool, hold_distance: bool) -> None:
+        """What the failsafe table asks of the driving, from now on until told otherwise."""
 
     def not_ready(self) -> list[str]:
         """What the estimate still lacks before the robot may be armed."""

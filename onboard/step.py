@@ -4,7 +4,16 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from config.can.frame import Frame
-from config.messages import BusHealth, Command, CommandReply, Estop, LoopHealth, Message, Motion
+from config.messages import (
+    BusHealth,
+    Command,
+    CommandReply,
+    Estop,
+    Ground,
+    LoopHealth,
+    Message,
+    Motion,
+)
 from config.topics import Topic
 
 
@@ -17,7 +26,10 @@ class Request(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """Everything one step depends on. Times are in seconds; `wall_s` is the wall clock's."""
+    """Everything one step depends on. Times are in seconds; `wall_s` is the wall clock's.
+
+    `free_disk_mb` is None where the robot writes nothing.
+    """
 
     now_s: float
     wall_s: float
@@ -28,8 +40,10 @@ class Inputs:
     motions: list[Motion] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
     estops: list[Estop] = field(default_factory=list)
+    grounds: list[Ground] = field(default_factory=list)
     unreadable: list[str] = field(default_factory=list)
     shutdown: bool = False
+    free_disk_mb: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,22 +1,21 @@
 """What keeps a robot safe within a step: checks, state machine, operator's commands, drives' power.
 
-A fault's path: device driver -> `_look` -> `safety.failsafe.evaluate` -> `safety.states` ->
+A fault's path: device driver -> `Lookout` -> `safety.failsafe` -> `safety.states` ->
 `_follow_state` (power of the drives) and, for the ramp, `Robot._drive`.
 """
 
 from config.fleet import Robot
-from config.messages import CommandReply
-from onboard.canbus.port import BusState
-from onboard.hardware import Hardware, drive_seen
+from config.messages import Command, CommandReply
+from onboard.hardware import Hardware
+from onboard.lookout import POWERED, Lookout
 from onboard.role import Observation, Odometry, Role, Stamp
-from onboard.safety import failsafe
+from onboard.safety.failsafe import EVENT_OF, Action, FailsafeTable
 from onboard.safety.observations import Observations
-from onboard.safety.preflight.checklist import not_ready
+from onboard.safety.preflight.checklist import Blocker, not_ready, refused_overrides
 from onboard.safety.states import Event, Refusal, State, StateMachine, Transition
 from onboard.step import Inputs, Request
 from onboard.telemetry import Telemetry
 
-POWERED = (State.ARMING, State.ARMED, State.RUNNING, State.STOPPING)
 COMMANDS = {"arm": Event.ARM, "start": Event.START, "stop": Event.STOP, "reset": Event.RESET}
 # Beyond the ramp itself: what the drives may take to report that they are idle.
 STOP_SLACK_S = 2.0
@@ -38,11 +37,14 @@ class Supervision:
         self._name, self._settings, self._role = name, settings, role
         self._hardware, self._telemetry = hardware, telemetry
         self._states = StateMachine()
-        self._bearing_s: float | None = None
+        self._lookout = Lookout(settings, role, hardware)
+        self._failsafe = FailsafeTable(settings.failsafe)
+        self._overridden: frozenset[str] = frozenset()
         self._stop_began_s = 0.0
         self._estop_s: float | None = None
         self._shutdown = False
-        self.blockers: list[str] = []
+        self._blockers: list[Blocker] = []
+        self._latched: str | None = None
         self.changed = False
 
     @property
@@ -54,6 +56,11 @@ class Supervision:
     def reason(self) -> str:
         """Why the robot is in its state."""
         return self._states.reason
+
+    @property
+    def blockers(self) -> list[str]:
+        """What speaks against arming, overrides aside."""
+        return [str(each) for each in self._blockers]
 
     @property
     def finished(self) -> bool:
@@ -69,55 +76,37 @@ class Supervision:
     ) -> list[tuple[int, CommandReply]]:
         """Judge this cycle, change state where needed, answer the operator."""
         self.changed = False
-        seen = self._look(at, inputs, observations)
-        unready = self._role.not_ready() + self._role.observability.not_ready()
-        self.blockers = not_ready(seen, self._settings.failsafe) + unready
-        if odometry is None and not self.blockers:
-            self.blockers = ["no odometry: the drive or the steering encoder has just gone silent"]
-        self._watch(at, seen, inputs.shutdown)
+        if inputs.estops:
+            self._estop_s = at.now_s
+        seen = self._lookout.look(at, inputs, observations, self.state)
+        self._blockers = self._found(seen, odometry)
+        self._watch(at, seen)
         replies = [self._answer(at, request, odometry) for request in inputs.requests]
         self._follow_state(at)
         return replies
 
-    def _look(self, at: Stamp, inputs: Inputs, observations: list[Observation]) -> Observations:
-        watched = [seen.age_s for seen in observations if self._role.watches(seen.marker)]
-        if watched:
-            self._bearing_s = at.now_s - min(watched)
-        if inputs.estops:
-            self._estop_s = at.now_s
-        hardware, now_s = self._hardware, at.now_s
-        return Observations(
-            state=self.state,
-            leader=self._role.leader_seen(at),
-            bearing_age_s=None if self._bearing_s is None else now_s - self._bearing_s,
-            bearing_problem=hardware.sensor.problem(now_s),
-            estimate_problem=self._role.estimate_problem() or self._role.observability.problem(),
-            drive=drive_seen(hardware.drive.feedback, now_s),
-            steering=drive_seen(hardware.steering.feedback, now_s),
-            encoder_age_s=hardware.encoder.stale_for(now_s),
-            encoder_problem=hardware.encoder.problem(now_s) or self._disagreement(),
-            bus_state=BusState(inputs.bus.state),
-            bus_reason=inputs.bus.reason,
-            loop_late_s=inputs.late_s,
-            estop_by=inputs.estops[-1].operator if inputs.estops else None,
-        )
+    def _found(self, seen: Observations, odometry: Odometry | None) -> list[Blocker]:
+        unready = self._role.not_ready() + self._role.observability.not_ready()
+        found = not_ready(seen, self._settings, unready)
+        if odometry is None and not found:
+            text = "no odometry: the drive or the steering encoder has just gone silent"
+            found = [Blocker("estimate", text)]
+        return found
 
-    def _disagreement(self) -> str | None:
-        """Steering drive against encoder; they are aligned when arming begins, not before."""
-        return self._hardware.steering_disagreement() if self.state in POWERED else None
-
-    def _watch(self, at: Stamp, seen: Observations, shutdown: bool) -> None:
+    def _watch(self, at: Stamp, seen: Observations) -> None:
         """Everything that changes the state without an operator's command."""
         if self.state is State.RUNNING and (reason := self._role.ended()) is not None:
             self._handle(at, Event.MISSION_ENDED, reason)
-        verdict = failsafe.evaluate(seen, self._settings.failsafe)
-        if verdict.action is failsafe.Action.ESTOP or (
-            verdict.action is not failsafe.Action.NONE and self.state in POWERED
-        ):
-            self._handle(at, failsafe.EVENT_OF[verdict.action], verdict.reason)
-        if shutdown and not self._shutdown:
-            self._shutdown = True
-            self._handle(at, Event.STOP, "the onboard process is being stopped")
+        judged = self._failsafe.judge(seen, at.now_s, self.state in POWERED)
+        self._role.restrain(judged.slow, judged.hold_distance)
+        for told in judged.news:
+            action = told.action.name.lower()
+            self._telemetry.event("warning", f"failsafe {told.trigger}: {told.reason}: {action}")
+        worst = judged.worst
+        self._latched = worst.reason if worst.action is Action.ESTOP else None
+        if worst.action in EVENT_OF:
+            self._handle(at, EVENT_OF[worst.action], worst.reason)
+        self._shutdown = self._shutdown or seen.ending
 
     def _answer(
         self, at: Stamp, request: Request, odometry: Odometry | None
@@ -127,10 +116,13 @@ class Supervision:
         if event is None:
             known = ", ".join(COMMANDS)
             return number, self._refused(f"unknown command {command.name!r}; known are {known}")
-        blockers = self._reset_blockers(at) if event is Event.RESET else self.blockers
+        if problem := refused_overrides(command.override, self._settings):
+            return number, self._refused(problem)
+        blockers = self._blocking(at, event, command)
         result = self._handle(at, event, f"{command.name} by {command.operator}", blockers)
         if isinstance(result, Refusal):
             return number, self._refused(result.reason)
+        self._record_overrides(event, command)
         if event is Event.ARM and (problem := self._hardware.arm()) is not None:
             self._handle(at, Event.STOP, f"arming failed: {problem}")
             return number, self._refused(problem)
@@ -143,10 +135,30 @@ class Supervision:
     def _refused(self, reason: str) -> CommandReply:
         return CommandReply(robot=self._name, accepted=False, reason=reason)
 
+    def _blocking(self, at: Stamp, event: Event, command: Command) -> list[str]:
+        """What stands against a command; ARM's overrides hold for START too."""
+        if event is Event.RESET:
+            return self._reset_blockers(at)
+        left_aside = self._overridden.union(command.override)
+        return [str(each) for each in self._blockers if each.check not in left_aside]
+
+    def _record_overrides(self, event: Event, command: Command) -> None:
+        """Every check that was left aside becomes an event; reset and stop end the leave."""
+        if event not in (Event.ARM, Event.START):
+            self._overridden = frozenset()
+            return
+        for name in command.override:
+            reasons = [each.reason for each in self._blockers if each.check == name]
+            found = "; ".join(reasons) or "it passes"
+            text = f"check {name} overridden by {command.operator} to {command.name}: {found}"
+            self._telemetry.event("warning", text)
+        kept = self._overridden if event is Event.START else frozenset()
+        self._overridden = kept.union(command.override)
+
     def _reset_blockers(self, at: Stamp) -> list[str]:
         if self._estop_s is not None and at.now_s - self._estop_s < ESTOP_HOLD_S:
             return ["the emergency stop is still being sent"]
-        return []
+        return [] if self._latched is None else [f"still asked for: {self._latched}"]
 
     def _follow_state(self, at: Stamp) -> None:
         """Switch the drives as the state demands, and report what they have done."""
@@ -177,6 +189,8 @@ class Supervision:
         self.changed = True
         if result.source is State.RUNNING:
             self._role.finish()
+        if result.target not in POWERED and event is not Event.ARM:
+            self._overridden = frozenset()
         if result.target is State.STOPPING and result.source is not State.STOPPING:
             self._stop_began_s = at.now_s
         if result.target is State.ESTOP and result.source is not State.ESTOP:

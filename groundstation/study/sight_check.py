@@ -104,7 +104,7 @@ def range_told(plan: fleet.Fleet, name: str, paths: dict[str, PlannedPath]) -> T
         range_m = float(np.hypot(*line))
         window = [row for look in looks[max(0, end + 1 - LOOKS) : end + 1] for row in look]
         std_m = _range_std(window, ahead, line / range_m, robot.relative_filter)
-        limit_m = robot.failsafe.range_std_fraction * range_m
+        limit_m = robot.failsafe.range_deviation.limit_fraction * range_m
         told.instants.append(i)
         told.seen.append(len(looks[end]))
         told.weak.append(std_m > limit_m and float(own_path.speed_mps[i]) > MOVING_MPS)

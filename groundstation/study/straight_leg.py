@@ -101,7 +101,9 @@ class _Run:
         for step in range(round(self._leg.seconds / DT_S)):
             self._step = step
             self._look()
-            problem = self._role.estimate_problem()
+            seen = self._role.estimate_seen(Stamp(self._now_s, self._now_s))
+            self._role.restrain(slow=False, hold_distance=seen.range_uncertain is not None)
+            problem = seen.lost or seen.too_near or seen.nis
             estimate = self._report()
             time_s = step * DT_S
             if judge.stopped_s is None and problem is not None:

@@ -43,8 +43,13 @@ class SteeringEncoder:
     def problem(self, now_s: float) -> str | None:
         """Why the angle is not to be relied on, or None."""
         overdue = silence("steering encoder", "angle", self.stale_for(now_s), self._timeout_s)
-        if overdue is not None or self._last is None or _is_usable(self._last):
-            return overdue
+        return overdue or self.complaint
+
+    @property
+    def complaint(self) -> str | None:
+        """What the encoder itself says against its last angle, or None."""
+        if self._last is None or _is_usable(self._last):
+            return None
         return f"steering encoder: {_complaint(self._last)}"
 
 

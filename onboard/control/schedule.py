@@ -15,6 +15,10 @@ class PlannedVelocity(NamedTuple):
     speed_mps: float
     fork_rate_radps: float
 
+    def at_pace(self, pace: float) -> "PlannedVelocity":
+        """The same path at `pace` times the speed."""
+        return PlannedVelocity(pace * self.speed_mps, pace * self.fork_rate_radps)
+
 
 class VelocityPlan:
     """The mission's segments over time; each ends where the next begins."""
@@ -55,6 +59,7 @@ class LeaderReference:
         self._limits = limits
         self._wheelbase_m = wheelbase_m
         self._time_s = 0.0
+        self._pace = 1.0
         self._setpoint = WheelSetpoint(steering_rad, 0.0)
 
     @property
@@ -67,9 +72,15 @@ class LeaderReference:
         """Whether the schedule is over and the reference speed is down to 0."""
         return self._time_s >= self._plan.duration_s and self._setpoint.speed_mps == 0.0
 
-    def step(self, dt_s: float) -> WheelSetpoint:
-        """Advance mission time by `dt_s` and return the setpoints for its end."""
-        planned = self._plan.at(self._time_s + dt_s / 2)
+    def step(self, dt_s: float, pace: float = 1.0) -> WheelSetpoint:
+        """Advance mission time by `pace * dt_s` and return the setpoints for its end.
+
+        A pace below 1 drives the same path more slowly: speed and fork rate are scaled as time is.
+        The pace changes as fast as the speed may.
+        """
+        change = dt_s * self._limits.deceleration_mps2 / self._limits.speed_mps
+        self._pace += min(max(pace - self._pace, -change), change)
+        planned = self._plan.at(self._time_s + self._pace * dt_s / 2).at_pace(self._pace)
         last = self._setpoint
         speed = limited_speed(last.speed_mps, planned.speed_mps, self._limits, dt_s)
         turning = (last.speed_mps + speed) / 2 / self._wheelbase_m
@@ -78,6 +89,6 @@ class LeaderReference:
         )
         wanted = last.steering_rad + dt_s * (planned.fork_rate_radps - turning * math.sin(middle))
         steering = limited_steering(last.steering_rad, wanted, self._limits, dt_s)
-        self._time_s += dt_s
+        self._time_s += self._pace * dt_s
         self._setpoint = WheelSetpoint(steering, speed)
         return self._setpoint

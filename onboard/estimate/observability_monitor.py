@@ -234,7 +234,7 @@ class RangeMonitor(_Hold):
         super().__init__(robot.observability)
         self._leader_name = leader_name
         self._leader_wheelbase_m = leader.vehicle.wheelbase_m
-        self._limit = robot.failsafe.range_std_fraction
+        self._limit = robot.failsafe.range_deviation.limit_fraction
 
     def observe(
         self, dt_s: float, own: _Motion, leader: WheelMotion, belief: Callable[[], _Relative]

@@ -1,9 +1,10 @@
 """A follower that no longer knows how far its leader is: fall back, then stop, before they meet.
 
-Where the range's standard deviation exceeds its share of the range, the commanded place is moved
-away along the leader's axis until the deviation is well below. Falling back is also what turns the
-line of sight, so it makes the range observable where a straight formation does not. Where even
-three deviations could bring the leader within the safe distance, the robot stops.
+Where the range's standard deviation exceeds its share of the range, the failsafe table has the
+commanded place moved away along the leader's axis (`hold_distance`) until the deviation is well
+below. Falling back is also what turns the line of sight, so it makes the range observable where a
+straight formation does not. Where even three deviations could bring the leader within the safe
+distance, the table stops the robot.
 """
 
 import math
@@ -15,8 +16,6 @@ from onboard.estimate.beliefs import RelativeBelief
 STOP_SIGMAS = 3.0
 CLEAR_SHARE = 2 / 3
 """Of the limit: below this the place goes back to where it belongs."""
-ENLARGED = 2.0
-"""How many times as far along the leader's axis, and sideways not, a degraded follower stays."""
 FALL_BACK_SPEED_FRACTION = 0.2
 LEAST_FALL_BACK_MPS = 0.1
 
@@ -32,15 +31,18 @@ class RangeState(StrEnum):
 class RangeWatch:
     """Judges beliefs while the robot drives, and says where the commanded place is by now.
 
-    The limits are the robot's `failsafe.range_std_fraction` and `failsafe.safe_distance_m`.
+    The limits are rows of the robot's failsafe table, `range_deviation` and `distance_low`; what
+    they lead to is the table's. `fall_back` is set by whoever wants more distance.
     """
 
     def __init__(self, robot: Robot, leader: str, offset: Point) -> None:
         self.state = RangeState.OK
         self.reason = ""
+        self.fall_back = False
         self._leader, self._offset = leader, offset
-        self._std_limit = robot.failsafe.range_std_fraction
-        self._safe_m = robot.failsafe.safe_distance_m
+        self._std_limit = robot.failsafe.range_deviation.limit_fraction
+        self._safe_m = robot.failsafe.distance_low.limit_m
+        self._spacing_factor = robot.failsafe.spacing_factor
         self._extra_m = 0.0
 
     @property
@@ -51,12 +53,18 @@ class RangeWatch:
 
     @property
     def problem(self) -> str | None:
-        """Why the robot must stop."""
+        """Why the robot is too near."""
         return self.reason if self.state is RangeState.STOP else None
+
+    @property
+    def uncertain(self) -> str | None:
+        """Why the range is too uncertain, be the robot far enough away or not."""
+        return None if self.state is RangeState.OK else self.reason
 
     def reset(self) -> None:
         """Forget the last drive."""
         self.state, self.reason, self._extra_m = RangeState.OK, "", 0.0
+        self.fall_back = False
 
     def look(self, dt_s: float, belief: RelativeBelief, told: bool, speed_mps: float) -> None:
         """Judge the belief; `told` says whether anything makes the range observable.
@@ -67,7 +75,7 @@ class RangeWatch:
         self.reason = self._explained(belief, told)
         step_m = dt_s * max(LEAST_FALL_BACK_MPS, FALL_BACK_SPEED_FRACTION * abs(speed_mps))
         spacing_m = math.hypot(self._offset.x_m, self._offset.y_m)
-        wanted_m = 0.0 if self.state is RangeState.OK else (ENLARGED - 1.0) * spacing_m
+        wanted_m = (self._spacing_factor - 1.0) * spacing_m if self.fall_back else 0.0
         self._extra_m += min(max(wanted_m - self._extra_m, -step_m), step_m)
 
     def too_near(self, belief: RelativeBelief) -> str | None:
@@ -78,7 +86,7 @@ class RangeWatch:
         return (
             f"range to {self._leader} {belief.range_m:.3f} m less {STOP_SIGMAS:.0f} sigma of "
             f"{belief.range_std_m:.3f} m is {nearest_m:.3f} m, "
-            f"limit {self._safe_m:.3f} m (failsafe.safe_distance_m)"
+            f"limit {self._safe_m:.3f} m (failsafe.distance_low)"
         )
 
     def _judged(self, belief: RelativeBelief) -> RangeState:
@@ -97,7 +105,7 @@ class RangeWatch:
             limit_m = self._std_limit * belief.range_m
             return (
                 f"range to {self._leader} uncertain: standard deviation "
-                f"{belief.range_std_m:.3f} m, limit {limit_m:.3f} m; falling back{cause}"
+                f"{belief.range_std_m:.3f} m, limit {limit_m:.3f} m{cause}"
             )
         return ""
 

@@ -34,7 +34,7 @@ class Event(StrEnum):
     FAULT_STOP = "FAULT_STOP"
     STOPPED = "STOPPED"
     STOP_OVERDUE = "STOP_OVERDUE"
-    BUS_LOST = "BUS_LOST"
+    IDLE_DRIVES = "IDLE_DRIVES"
     ESTOP = "ESTOP"
     RESET = "RESET"
 
@@ -57,7 +57,7 @@ class Rule(NamedTuple):
 
 
 _STOPS = dict.fromkeys((Event.STOP, Event.CONTROLLED_STOP, Event.FAULT_STOP), Rule(State.STOPPING))
-_POWERED = {Event.BUS_LOST: Rule(State.FAULT), Event.ESTOP: Rule(State.ESTOP)}
+_POWERED = {Event.IDLE_DRIVES: Rule(State.FAULT), Event.ESTOP: Rule(State.ESTOP)}
 _RESET = {Event.RESET: Rule(State.STANDBY, guarded=True)}
 
 TABLE: dict[State, dict[Event, Rule]] = {

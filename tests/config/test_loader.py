@@ -126,7 +126,10 @@ class TestMistakes:
         data["robots"]["r2"]["leader"] = "r3"
         data["robots"]["r1"]["colour"] = "red"
         text = complaint(tmp_path, data)
-        assert "robots.r1.colour: unknown key; known here: bearing_sensor, can" in text
+        assert (
+            "robots.r1.colour: unknown key; known here: arming, bearing_sensor, black_box, can"
+            in text
+        )
         assert "r2 -> r3 -> r2" in text
 
     def test_an_unknown_type_is_named_and_not_blamed_for_what_it_would_have_given(

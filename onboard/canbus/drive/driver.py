@@ -25,6 +25,8 @@ class MotorFeedback:
     None means that the drive has not said it (yet). `position` of a steering axis needs `align`
     first; that of a drive axis counts from wherever the drive's encoder began. `reason` says why
     the driver is in its state; `faults` are the drive's own error names. Times are monotonic.
+    `temperature_degc` is the hotter of inverter and motor; `firmware_problem` why the drive is not
+    the one expected.
     """
 
     state: MotorState
@@ -36,6 +38,9 @@ class MotorFeedback:
     t_heartbeat_s: float | None
     current_a: float | None
     bus_voltage_v: float | None
+    temperature_degc: float | None = None
+    watchdog_expired: bool = False
+    firmware_problem: str | None = None
 
 
 class MotorDriver(Protocol):

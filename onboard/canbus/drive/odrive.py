@@ -79,6 +79,8 @@ class OdriveAxis:
             t_heartbeat_s=inputs.t_heartbeat_s if inputs.heartbeat else None,
             current_a=inputs.current_a,
             bus_voltage_v=inputs.bus_voltage_v,
+            temperature_degc=inputs.temperature_degc,
+            watchdog_expired=bool(self._fault_bits & AxisError.WATCHDOG_TIMER_EXPIRED),
         )
 
     def on_frame(self, frame: Frame) -> None:

@@ -21,6 +21,7 @@ class OdriveInputs:
         self.t_estimate_s = -math.inf
         self.current_a: float | None = None
         self.bus_voltage_v: float | None = None
+        self.temperature_degc: float | None = None
         self._codecs = codecs
         self._timeouts = timeouts
 
@@ -38,12 +39,15 @@ class OdriveInputs:
         elif frame.can_id == codecs.get_iq.can_id:
             self.current_a = codecs.get_iq.unpack(frame.data).iq_measured
         elif frame.can_id == codecs.get_bus_voltage_current.can_id:
-            self.bus_voltage_v = codecs.get_bus_voltage_current.unpack(frame.data).bus_voltage
+            voltage = codecs.get_bus_voltage_current.unpack(frame.data).bus_voltage
+            self.bus_voltage_v = voltage if math.isfinite(voltage) else None
+        elif frame.can_id == codecs.get_temperature.can_id:
+            self.temperature_degc = _hottest(codecs.get_temperature.unpack(frame.data))
 
     def heartbeat_problem(self, now_s: float) -> str | None:
         """Reason where the heartbeat is silent, else None."""
         age_s = now_s - self.t_heartbeat_s if self.heartbeat else None
-        return overdue("heartbeat", age_s, self._timeouts.drive_heartbeat_timeout_s)
+        return overdue("heartbeat", age_s, self._timeouts.drive_heartbeat_lost.after_s)
 
     def estimate_problem(self, now_s: float) -> str | None:
         """Reason where the encoder estimates are silent or not finite, else None."""
@@ -51,4 +55,10 @@ class OdriveInputs:
             position, velocity = self.estimates
             return f"encoder estimate not finite: {position} rev, {velocity} rev/s"
         age_s = now_s - self.t_estimate_s if self.estimates else None
-        return overdue("encoder estimate", age_s, self._timeouts.encoder_timeout_s)
+        return overdue("encoder estimate", age_s, self._timeouts.drive_estimate_stale.after_s)
+
+
+def _hottest(temperatures: tuple[float, ...]) -> float | None:
+    """A missing thermistor reads not-a-number or 0."""
+    known = [degc for degc in temperatures if math.isfinite(degc) and degc]
+    return max(known, default=None)

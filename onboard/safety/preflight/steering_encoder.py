@@ -1,12 +1,11 @@
 """The steering encoder must be heard, valid and referenced."""
 
-from config.fleet import Failsafe
+from config.fleet import Robot
 from onboard.canbus.silence import silence
 from onboard.safety.observations import Observations
 
 
-def check(seen: Observations, limits: Failsafe) -> str | None:
+def check(seen: Observations, settings: Robot) -> str | None:
     """Reason where the steering angle cannot be relied on."""
-    return seen.encoder_problem or silence(
-        "steering encoder", "angle", seen.encoder_age_s, limits.encoder_timeout_s
-    )
+    limit_s = settings.failsafe.encoder_stale.after_s
+    return silence("steering encoder", "angle", seen.encoder_age_s, limit_s) or seen.encoder_problem

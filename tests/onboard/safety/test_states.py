@@ -87,7 +87,7 @@ def test_an_emergency_stop_is_obeyed_everywhere(state: State) -> None:
 @pytest.mark.parametrize("state", sorted(POWERED))
 def test_every_powered_state_can_be_stopped_by_a_fault(state: State) -> None:
     assert TABLE[state][Event.FAULT_STOP].targets == (State.STOPPING,)
-    assert TABLE[state][Event.BUS_LOST].targets == (State.FAULT,)
+    assert TABLE[state][Event.IDLE_DRIVES].targets == (State.FAULT,)
 
 
 def test_the_table_covers_every_state_and_no_state_is_a_dead_end() -> None:
