@@ -6,7 +6,7 @@ Truth is of the model class of (3) plus the stated noise. A leader runs the sche
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -58,8 +58,12 @@ class Truth(NamedTuple):
         return np.linspace(0.0, DT_S * len(self.inputs), len(self.states))
 
 
+@cache
 def paper_fleet() -> fleet.Fleet:
-    """The shipped fleet `paper`: section 4.1 as mathematics.md section 12 reads it."""
+    """The shipped fleet `paper`: section 4.1 as mathematics.md section 12 reads it.
+
+    Read once per process, so that a long study does not change when the file does.
+    """
     return load_fleet(shipped_fleet_path("paper")).fleet
 
 
