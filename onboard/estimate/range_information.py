@@ -19,6 +19,8 @@ MEMORY_S = 0.5
 """A sight of two markers counts for so long."""
 SPREAD_RAD = 0.05
 """Markers that appear closer together than this count as one."""
+LEAST_SHARE = 0.5
+"""A range that may be too long by its deviation counts as that much shorter, down to this share."""
 PARALLAX_FRACTION = 0.05
 """A transverse speed below this fraction of the faster robot's speed counts as none."""
 PARALLAX_SIGMAS = 2.0
@@ -36,6 +38,7 @@ class RangeInformation:
     def __init__(self, leader_wheelbase_m: float) -> None:
         self._leader_wheelbase_m = leader_wheelbase_m
         self._time_s = 0.0
+        self._share = 1.0
         self._leader_marks: dict[Point, _Sight] = {}
         self._own_marks: dict[Point, _Sight] = {}
         self.transverse_mps = 0.0
@@ -45,6 +48,7 @@ class RangeInformation:
         self,
         dt_s: float,
         mean: State,
+        range_std_m: float,
         heading_std_rad: float,
         own: WheelMotion,
         leader: WheelMotion,
@@ -52,6 +56,7 @@ class RangeInformation:
         """Judge the situation that a prediction led to."""
         self._time_s += dt_s
         range_m, bearing, heading, scale = mean
+        self._share = max(LEAST_SHARE, 1.0 - range_std_m / range_m)
         true_leader = leader._replace(speed_mps=(1.0 + scale) * leader.speed_mps)
         self.transverse_mps = transverse_speed(
             RelativeState(range_m, bearing, heading), true_leader, own, self._leader_wheelbase_m
@@ -66,13 +71,15 @@ class RangeInformation:
         """The follower saw this marker of its leader."""
         range_m, bearing, heading, _ = mean
         self._leader_marks[marker] = _Sight(
-            _beside(range_m, marker, heading - bearing), self._time_s
+            _beside(self._share * range_m, marker, heading - bearing), self._time_s
         )
 
     def saw_own_marker(self, marker: Point, mean: State) -> None:
         """The leader saw this marker of the follower."""
         range_m, bearing, _, _ = mean
-        self._own_marks[marker] = _Sight(_beside(-range_m, marker, -bearing), self._time_s)
+        self._own_marks[marker] = _Sight(
+            _beside(-self._share * range_m, marker, -bearing), self._time_s
+        )
 
     def _markers_apart(self) -> bool:
         return any(self._apart(marks) for marks in (self._leader_marks, self._own_marks))

@@ -97,8 +97,8 @@ class ReferenceFilter:
         noise = full_matrix(process_noise(self._settings, float(self._ukf.x[0]), dt_s))
         self._ukf.Q = np.array(noise).reshape(4, 4)
         self._ukf.predict(fx=moved)
-        heading_std_rad = math.sqrt(float(self._ukf.P[2, 2]))
-        self._range.advance(dt_s, _point(self._ukf.x), heading_std_rad, own, leader)
+        range_std_m, _, heading_std_rad = map(math.sqrt, self._ukf.P.diagonal().tolist()[:3])
+        self._range.advance(dt_s, _point(self._ukf.x), range_std_m, heading_std_rad, own, leader)
 
     def update_leader_marker(
         self, bearing_rad: float, std_rad: float, marker: fleet.Point, age_s: float

@@ -95,7 +95,8 @@ class RelativeUkf:
         )
         centred = [(r - range_m, b - bearing, h - heading, e - scale) for r, b, h, e in deviations]
         self._variances = _covariance(centred, noise)
-        self._range.advance(dt_s, self._mean, sqrt(self._variances[5]), own, leader)
+        range_std_m, heading_std_rad = sqrt(self._variances[0]), sqrt(self._variances[5])
+        self._range.advance(dt_s, self._mean, range_std_m, heading_std_rad, own, leader)
 
     def update_leader_marker(
         self, bearing_rad: float, std_rad: float, marker: fleet.Point, age_s: float

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from config.fleet import RelativeFilter as Settings
@@ -92,6 +92,7 @@ def test_speed_scale_is_learnt() -> None:
 
 
 @settings(max_examples=15, deadline=None)
+@example(rho=1.2, phi=0.5, side=1, wrong_heading=-0.5, factor=2.0, seed=0)
 @given(
     rho=st.floats(0.3, 1.2),
     phi=st.floats(0.5, 1.2),
