@@ -24,6 +24,7 @@ from config.fleet import (
     Mission,
     Point,
     Pose,
+    RelativeFilter,
     Robot,
     Segment,
     Simulation,
@@ -43,6 +44,7 @@ BEARING_STD_RAD = 0.015
 # Gaps of tens of seconds are in the nature of these recordings; devices report at 10 to 20 Hz.
 BEARING_TIMEOUT_S = 60.0
 DEVICE_TIMEOUT_S = 0.25
+# Commands stand in for odometry: scale errors of some percent, and a speed that drops in turns.
 LOCALISER = Localiser(
     position_noise_m=0.002,
     heading_noise_rad=0.02,
@@ -51,9 +53,17 @@ LOCALISER = Localiser(
     speed_scale_std=0.05,
     turn_scale_std=0.08,
     turn_loss_std=1.2,
-    bias_std_rad=0.01,
+    bias_std_rad=0.015,
     start_std_m=0.05,
     start_std_rad=0.05,
+    gate_nis=16.0,
+)
+
+RELATIVE_FILTER = RelativeFilter(
+    position_noise_m=0.05,
+    heading_noise_rad=0.05,
+    speed_scale_start_std=0.1,
+    start_range_fraction=0.1,
 )
 
 
@@ -148,6 +158,7 @@ def _robot(
             steering_rad=math.pi / 2 - 0.01,
             steering_rate_radps=4.0,
         ),
+        relative_filter=RELATIVE_FILTER,
         localiser=LOCALISER.model_copy(update={"start": start}),
         failsafe=Failsafe.model_validate(
             {

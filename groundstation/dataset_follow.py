@@ -26,7 +26,8 @@ class FollowScore(msgspec.Struct, frozen=True, kw_only=True):
     The bearing is relative to the follower's direction of motion. Errors are RMS while the last
     bearing to the leader is at most 2 s old (`seen_s` seconds), and of the range over all time;
     None where there is no such time. `mutual_bearings` are those that the leader takes of the
-    follower. `range_claimed_m` is the standard deviation that the filter claims meanwhile (RMS).
+    follower. `range_mean_m` is the true range, `range_claimed_m` the standard deviation that the
+    filter claims (RMS), both meanwhile.
     """
 
     follower: int
@@ -35,6 +36,7 @@ class FollowScore(msgspec.Struct, frozen=True, kw_only=True):
     mutual_bearings: int
     longest_gap_s: float
     seen_s: float
+    range_mean_m: float | None
     range_rms_m: float | None
     range_claimed_m: float | None
     bearing_rms_rad: float | None
@@ -50,8 +52,8 @@ class FollowScore(msgspec.Struct, frozen=True, kw_only=True):
             return f"{counts}; never seen while the filter ran, so there is nothing to judge"
         return (
             f"{counts}; in the {self.seen_s:.0f} s in sight range error {self.range_rms_m:.2f} m "
-            f"RMS (claimed {self.range_claimed_m:.2f} m), bearing error "
-            f"{self.bearing_rms_rad:.3f} rad RMS; range over all time "
+            f"RMS of {self.range_mean_m:.1f} m (claimed {self.range_claimed_m:.2f} m), bearing "
+            f"error {self.bearing_rms_rad:.3f} rad RMS; range over all time "
             f"{self.range_rms_always_m:.2f} m RMS"
         )
 
@@ -80,6 +82,7 @@ def follow_score(
         mutual_bearings=len(_sights(leader, follower.robot, seconds)),
         longest_gap_s=float(gaps.max()),
         seen_s=float(fresh.sum()) * (seconds / max(1, len(t_s))),
+        range_mean_m=float(np.hypot(east, north)[fresh].mean()) if fresh.any() else None,
         range_rms_m=_rms(range_error[fresh]),
         range_claimed_m=_rms(claimed[fresh]),
         bearing_rms_rad=_rms(bearing_error[fresh]),

@@ -9,7 +9,7 @@ import numpy as np
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Message, PoseEstimate, RelativeEstimate, Status
+from config.messages import Message, Motion, PoseEstimate, RelativeEstimate, Status
 from config.topics import Topic
 from groundstation.lockstep import PlaybackLockstep, Recording
 
@@ -31,6 +31,7 @@ class Played:
     poses: list[tuple[float, PoseEstimate]] = field(default_factory=list)
     relatives: list[tuple[float, RelativeEstimate]] = field(default_factory=list)
     statuses: list[tuple[float, Status]] = field(default_factory=list)
+    motions: list[tuple[float, Motion]] = field(default_factory=list)
     seconds: float = 0.0
     real_s: float = 0.0
 
@@ -67,6 +68,8 @@ class Played:
             self.relatives.append((t_s, message))
         elif isinstance(message, Status):
             self.statuses.append((t_s, message))
+        elif isinstance(message, Motion) and message.valid:
+            self.motions.append((t_s, message))
 
 
 def play_lockstep(
@@ -78,7 +81,7 @@ def play_lockstep(
     """Play recordings, by the robots' names, until one of them or `limit_s` is over."""
     decoders = {
         topic.name: msgspec.json.Decoder(topic.message)
-        for topic in (topics.POSE, topics.RELATIVE, topics.STATUS)
+        for topic in (topics.POSE, topics.RELATIVE, topics.STATUS, topics.MOTION)
     }
     heard: list[tuple[str, Message]] = []
 

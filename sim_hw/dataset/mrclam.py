@@ -145,9 +145,7 @@ def _timed(table: Table, columns: tuple[str, ...]) -> list[tuple[float, ...]]:
     rows: list[tuple[float, ...]] = []
     clock = _Clock(table)
     for line, words in table.rows():
-        row = tuple(
-            table.number(line, word, column) for word, column in zip(words, columns, strict=True)
-        )
+        row = table.numbers(line, words, columns)
         clock.check(line, row[0])
         rows.append(row)
     return rows

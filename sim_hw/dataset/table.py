@@ -64,6 +64,18 @@ class Table:
             )
         return value
 
+    def numbers(self, line: int, words: list[str], columns: Sequence[str]) -> tuple[float, ...]:
+        """A whole row of finite numbers, of which there are many. Raises DataSetError."""
+        try:
+            row = tuple(map(float, words))
+        except ValueError:
+            row = (math.nan,)
+        if math.isfinite(sum(row)):
+            return row
+        return tuple(
+            self.number(line, word, column) for word, column in zip(words, columns, strict=True)
+        )
+
     def whole(self, line: int, word: str, column: str) -> int:
         """A whole number that is not negative. Raises DataSetError."""
         value = self.number(line, word, column)

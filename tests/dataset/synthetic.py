@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PERIOD_S = 0.02
+RESPONSE_S = 0.2
 EPOCH_S = 1_248_000_000.0
 FOV_HALF_RAD = 0.6
 LANDMARKS = {
@@ -23,13 +24,15 @@ BARCODES = {1: 5, 2: 14} | {subject: 10 * subject + 1 for subject in LANDMARKS}
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """How the recorded robot errs. The scale is commanded over true."""
+    """How the recorded robot errs. Scales are commanded over true; it responds after 0.2 s and
+    loses a share of its speed per rad/s that it turns."""
 
     seconds: float = 40.0
     speed_scale: float = 1.05
     rate_scale: float = 0.95
     bearing_std_rad: float = 0.01
     bearing_bias_rad: float = 0.005
+    turn_loss: float = 0.8
     seed: int = 1
 
 
@@ -47,9 +50,10 @@ class Unicycle:
             return 0.08, 0.1 if leg % 4 else -0.1
         return (0.0, 0.4) if leg % 4 == 1 else (0.05, -0.3)
 
-    def step(self, t_s: float) -> None:
+    def step(self, t_s: float, turn_loss: float) -> None:
         """Move for one period."""
-        speed, rate = self.command(t_s)
+        speed, rate = self.command(t_s - RESPONSE_S) if t_s >= RESPONSE_S else (0.0, 0.0)
+        speed *= 1.0 - turn_loss * abs(rate)
         middle = self.heading_rad + 0.5 * PERIOD_S * rate
         self.x_m += PERIOD_S * speed * math.cos(middle)
         self.y_m += PERIOD_S * speed * math.sin(middle)
@@ -80,7 +84,7 @@ def write_data_set(folder: Path, truth: Truth | None = None, range_m: float = 1.
                     bearing += truth.bearing_bias_rad + rng.gauss(0.0, truth.bearing_std_rad)
                     barcode = BARCODES[subject]
                     measurements.append(f"{stamp}\t{barcode}\t{range_m:.3f}\t{bearing:.4f}")
-        robot.step(t_s)
+        robot.step(t_s, truth.turn_loss)
     _write(folder / "Robot1_Odometry.dat", odometry)
     _write(folder / "Robot1_Measurement.dat", measurements)
     _write(folder / "Robot1_Groundtruth.dat", poses)

@@ -35,7 +35,7 @@ def frames_of(recording: Recording, seconds: float) -> list[Frame]:
 @pytest.mark.parametrize(("speed", "rate"), [(0.08, 0.3), (0.0, 0.5), (0.05, -0.4)])
 def test_the_virtual_car_turns_its_fork_as_the_unicycle_turns(speed: float, rate: float) -> None:
     """Body and encoder integrated at the robot's own rate give the commanded direction."""
-    rows = [OdometryRow(0.0, speed, rate), OdometryRow(60.0, 0.0, 0.0)]
+    rows = [OdometryRow(-1.0, speed, rate), OdometryRow(60.0, 0.0, 0.0)]
     car = VirtualCar(WHEELBASE_M, rows, 0.0)
     body, last, turned = 0.0, 0.0, 0.0
     for tick in range(1, 1201):
@@ -52,7 +52,7 @@ def test_the_virtual_car_turns_its_fork_as_the_unicycle_turns(speed: float, rate
 def test_a_turn_on_the_spot_winds_the_encoder_round(data_set: Path) -> None:
     recording = read_recording(data_set, 1)._replace(
         odometry=(
-            OdometryRow(100.0, 0.0, 0.5),
+            OdometryRow(99.0, 0.0, 0.5),
             OdometryRow(120.0, 0.0, 0.0),
         ),
         bearings=(),
