@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 from groundstation.dataset_figure import draw_track
@@ -49,10 +50,11 @@ def _run(options: Options) -> DataSetReport:
     if options.realtime and options.follow is not None:
         raise GroundError("--follow plays in lockstep only: leave --realtime out")
     pair = None if options.follow is None else _pair(options.follow)
-    recordings = {n: read_recording(options.folder, n) for n in _numbers(options)}
+    read = cache(lambda number: read_recording(options.folder, number))
+    recordings = {n: read(n) for n in _numbers(options)}
     for each in recordings.values():
         _tell_unknown(each, options.say)
-    followed = None if pair is None else _recordings_of(pair, options.folder)
+    followed = None if pair is None else _shared_time(read(pair[0]), read(pair[1]))
     out = _results_folder(options)
     robots = {str(n): _one(options, each, out) for n, each in recordings.items()}
     why = misses(robots)
@@ -116,13 +118,12 @@ def _follow(options: Options, follower: Recording, leader: Recording) -> FollowS
     return follow_score(follower, leader, estimates, estimates.seconds)
 
 
-def _recordings_of(pair: tuple[int, int], folder: Path) -> tuple[Recording, Recording]:
+def _shared_time(one: Recording, two: Recording) -> tuple[Recording, Recording]:
     """Both recordings over the time that they share."""
-    one, two = (read_recording(folder, number) for number in pair)
     start_s, end_s = max(one.start_s, two.start_s), min(one.end_s, two.end_s)
     if start_s >= end_s:
         raise GroundError(
-            f"{folder}: robots {one.robot} and {two.robot} were not recorded together"
+            f"{one.path}: robots {one.robot} and {two.robot} were not recorded together"
         )
     return (
         one._replace(start_s=start_s, end_s=end_s),
