@@ -1,6 +1,7 @@
 """The numbers of `echelon study paper`: as one document, and as Markdown."""
 
 import math
+import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import msgspec
@@ -8,6 +9,9 @@ import msgspec
 from groundstation.study.bound_cells import BoundResult
 from groundstation.study.formation_cells import FollowerResult, FormationResult
 from groundstation.study.leader_cells import LeaderResult, rms
+
+LOST_M = 0.15
+"""A follower further than a third of the spacing from its place, RMS, has lost the formation."""
 
 
 class LeaderRow(msgspec.Struct, frozen=True):
@@ -30,11 +34,15 @@ class LeaderRow(msgspec.Struct, frozen=True):
 class FollowerRow(msgspec.Struct, frozen=True):
     """One follower: errors of the formation, of the estimate, and what the filter claims.
 
-    RMS values are pooled; `alpha_max` is the mean over seeds of each seed's largest error of the
-    direction angle, `alpha_worst` the largest of all. `nees` should be 3, `nis` 1.
+    RMS values are pooled; `place_median_m` is the median seed's, and `lost` counts the seeds whose
+    place is off by more than `LOST_M` RMS. `alpha_max` is the mean over seeds of each seed's
+    largest error of the direction angle, `alpha_worst` the largest of all. `nees` should be 3,
+    `nis` 1.
     """
 
     place_rms_m: float
+    place_median_m: float
+    lost: int
     range_rms_m: float
     bearing_rms_rad: float
     est_range_rms_m: float
@@ -110,8 +118,11 @@ def _follower_row(results: Sequence[FollowerResult]) -> FollowerRow:
     def pooled(square: Callable[[FollowerResult], float]) -> float:
         return rms([square(result) for result in results])
 
+    places = [math.sqrt(result.place_mse_m2) for result in results]
     return FollowerRow(
         place_rms_m=pooled(lambda r: r.place_mse_m2),
+        place_median_m=statistics.median(places),
+        lost=sum(place > LOST_M for place in places),
         range_rms_m=pooled(lambda r: r.range_mse_m2),
         bearing_rms_rad=pooled(lambda r: r.bearing_mse_rad2),
         est_range_rms_m=pooled(lambda r: r.est_range_mse_m2),
@@ -177,11 +188,13 @@ def _formation_markdown(figure: Figure5) -> Iterable[str]:
     for cell, rows in figure.core_alone.items():
         yield f"## Figure 5, formation: {cell} (core alone)\n"
         yield _grid(
-            "follower | place [m] | range [m] | bearing [rad] | est. range | est. bearing "
+            "follower | place [m] | median | lost | range [m] | bearing [rad] | est. range "
+            "| est. bearing "
             "| est. alpha | alpha max, mean | alpha max, worst | NEES (3) | NIS (1)",
             {
                 name: (
-                    f"{row.place_rms_m:.4f} | {row.range_rms_m:.4f} | {row.bearing_rms_rad:.4f} | "
+                    f"{row.place_rms_m:.4f} | {row.place_median_m:.4f} | {row.lost} | "
+                    f"{row.range_rms_m:.4f} | {row.bearing_rms_rad:.4f} | "
                     f"{row.est_range_rms_m:.4f} | {row.est_bearing_rms_rad:.4f} | "
                     f"{row.est_alpha_rms_rad:.4f} | {row.alpha_max_rad:.4f} | "
                     f"{row.alpha_worst_rad:.4f} | {row.nees:.2f} | {row.nis:.3f}"

@@ -127,6 +127,7 @@ def test_followers_get_a_row_each() -> None:
         ]
     )
     assert rows["r2"].place_rms_m == pytest.approx(2.0)
+    assert rows["r2"].lost == 2
     assert (rows["r2"].alpha_max_rad, rows["r2"].alpha_worst_rad) == (0.02, 0.03)
     assert (rows["r3"].range_rms_m, rows["r3"].bearing_rms_rad) == (2.0, 3.0)
 
