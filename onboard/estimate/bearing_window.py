@@ -55,15 +55,18 @@ class Entry:
 class Batch(NamedTuple):
     """Entries seen from the robot's present place, axes along its fork; one row per entry.
 
-    `places` and `landmarks` (n, 2); `directions` [rad]; `variances` [rad^2] of the direction and
-    `drifts` [m^2] of the place; `counts` of bearings; `landmark_ids`.
+    `places` and `landmarks` (n, 2); `directions` [rad] with their own `variances` [rad^2]. What
+    dead reckoning has added since, newer entries being part of the older ones' way: `turn_drifts`
+    [rad^2] to the direction and `drifts` [m^2] to the place. `counts` of bearings; `landmark_ids`.
     """
 
     places: Array
     landmarks: Array
     directions: Array
     variances: Array
+    turn_drifts: Array
     drifts: Array
+    bias_variance: float
     counts: NDArray[np.int64]
     landmark_ids: NDArray[np.int64]
 
@@ -149,13 +152,16 @@ class BearingWindow:
         x, y, fork = self._mean[:3]
         c, s = math.cos(fork), math.sin(fork)
         own = np.array([(entry.x_m - x, entry.y_m - y) for entry in entries])
-        floor = SYSTEMATIC_STD_RAD**2 + self._settings.bias_std_rad**2
+        turn_drifts = np.array([drift for _, drift, _ in rows])
+        swung = turn_drifts * np.sum(own**2, axis=1) / 3
         return Batch(
             places=own @ np.array([(c, -s), (s, c)]),
             landmarks=np.array([positions[entry.landmark_id] for entry in entries]),
             directions=np.array([entry.direction_rad - fork for entry in entries]),
-            variances=np.array([entry.variance + floor + drift for entry, drift, _ in rows]),
-            drifts=np.array([drift for _, _, drift in rows]),
+            variances=np.array([entry.variance + SYSTEMATIC_STD_RAD**2 for entry in entries]),
+            turn_drifts=turn_drifts,
+            drifts=np.array([drift for _, _, drift in rows]) + swung,
+            bias_variance=self._settings.bias_std_rad**2,
             counts=np.array([entry.count for entry in entries]),
             landmark_ids=np.array([entry.landmark_id for entry in entries]),
         )

@@ -67,7 +67,8 @@ def _scanned(batch: Batch) -> Array:
     offset = targets[..., 1] * c - targets[..., 0] * s
     middle = batch.landmarks.mean(axis=0)
     extent2 = float(np.mean(np.sum((batch.landmarks - middle) ** 2, axis=1))) + 1.0
-    weights = np.broadcast_to(1.0 / (batch.variances * extent2 + batch.drifts), angles.shape)
+    variances = _direction_variances(batch)
+    weights = np.broadcast_to(1.0 / (variances * extent2 + batch.drifts), angles.shape)
     for _ in range(POSITION_ROUNDS):
         prior = PRIOR_SHARE * weights.max(axis=1) * 0.1
         a = (weights * s * s).sum(axis=1) + prior
@@ -80,12 +81,16 @@ def _scanned(batch: Batch) -> Array:
         east, north = targets[..., 0] - x[:, None], targets[..., 1] - y[:, None]
         square = east * east + north * north + 1e-4
         residuals = np.arctan2(c * north - s * east, c * east + s * north)
-        nis = residuals**2 / (batch.variances + batch.drifts / square)
-        weights = 1.0 / ((1.0 + nis / CAUCHY) * (batch.variances * square + batch.drifts))
+        nis = residuals**2 / (variances + batch.drifts / square)
+        weights = 1.0 / ((1.0 + nis / CAUCHY) * (variances * square + batch.drifts))
     cost = np.minimum(nis, MAX_COST).sum(axis=1)
     low = (cost <= np.roll(cost, 1)) & (cost <= np.roll(cost, -1))
     best = np.flatnonzero(low)[np.argsort(cost[low])][:REFINED]
     return np.column_stack([x[best], y[best], headings[best]])
+
+
+def _direction_variances(batch: Batch) -> Array:
+    return batch.variances + batch.turn_drifts + batch.bias_variance
 
 
 def _rotated(headings: Array, places: Array) -> Array:
@@ -106,7 +111,7 @@ def _linearised(batch: Batch, poses: Array) -> tuple[Array, Array, Array]:
     residuals = np.arctan2(s * east - c * north, c * east + s * north)
     turning = 1.0 + (east * moved[..., 0] + north * moved[..., 1]) / square
     gradients = np.stack([-north / square, east / square, turning], axis=2)
-    return residuals, gradients, batch.variances + batch.drifts / square
+    return residuals, gradients, _direction_variances(batch) + batch.drifts / square
 
 
 def _refined(batch: Batch, poses: Array) -> Array:
@@ -124,15 +129,22 @@ def _refined(batch: Batch, poses: Array) -> Array:
 
 
 def _judged(batch: Batch, pose: Array) -> Hypothesis:
+    """Cost and covariance; the latter counts drift and bias as what the entries share."""
     residuals, gradients, variances = (each[0] for each in _linearised(batch, pose[None]))
     nis = residuals**2 / variances
     inliers = nis < INLIER_NIS
-    rows = gradients[inliers] / np.sqrt(variances[inliers])[:, None]
-    information = rows.T @ rows
+    rows, kept = gradients[inliers], variances[inliers]
+    information = rows.T @ (rows / kept[:, None])
     information += 1e-9 * (np.trace(information) + 1.0) * np.eye(3)
+    gain = np.linalg.solve(information, (rows / kept[:, None]).T)
+    independent = batch.variances[inliers]
+    across = rows[:, :2]
+    shared = batch.bias_variance + np.minimum.outer(*[batch.turn_drifts[inliers]] * 2)
+    shared += np.minimum.outer(*[batch.drifts[inliers]] * 2) * (across @ across.T)
+    covariance = (gain * independent) @ gain.T + gain @ shared @ gain.T
     x, y, fork = pose.tolist()
     cost = float(np.minimum(nis, MAX_COST).sum())
-    return Hypothesis((x, y, fork), np.linalg.inv(information), cost, inliers)
+    return Hypothesis((x, y, fork), covariance + np.linalg.inv(information) * 1e-3, cost, inliers)
 
 
 def _same(one: Hypothesis, other: Hypothesis) -> bool:

@@ -22,9 +22,11 @@ MIN_ENTRIES = 4
 MIN_BEARINGS = 12
 MIN_INLIER_SHARE = 0.7
 MAX_HEADING_STD_RAD = 0.2
-MAX_POSITION_STD_M = 0.5
+SURE_POSITION_STD_M = 0.2
+MAX_POSITION_STD_M = 1.0
 MAX_STD_OF_RANGE = 0.15
-"""Deviation of the position, as a share of the distance to the landmarks that tell it."""
+"""Of the position: always enough, never enough, and enough as a share of the distance to the
+landmarks that tell it."""
 
 
 class Found(NamedTuple):
@@ -50,7 +52,6 @@ class PoseSearch:
         self.hypotheses = 0
         self.reason = "no pose: no bearings to known landmarks yet"
         self._landmarks = dict(landmarks)
-        self._bias_std_rad = settings.bias_std_rad
         self._window = BearingWindow(settings, wheelbase_m, mounting, known_rate, steering_rad)
         self._fresh = False
         self._wait_s = SOLVE_PERIOD_S
@@ -85,9 +86,7 @@ class PoseSearch:
         if problem is not None:
             self.reason = f"no pose: {problem}"
             return None
-        covariance = found[0].covariance.copy()
-        covariance[2, 2] += self._bias_std_rad**2
-        root: Array = np.asarray(np.linalg.cholesky(covariance))
+        root: Array = np.asarray(np.linalg.cholesky(found[0].covariance))
         return Found(found[0].pose, root, self._window.steering_rad)
 
 
@@ -118,7 +117,8 @@ def _weak(batch: Batch, best: Hypothesis) -> str | None:
     position_std = math.sqrt(float(best.covariance[0, 0] + best.covariance[1, 1]))
     heading_std = math.sqrt(float(best.covariance[2, 2]))
     to = batch.landmarks[best.inliers] - best.pose[:2]
-    limit = min(MAX_POSITION_STD_M, MAX_STD_OF_RANGE * float(np.median(np.hypot(*to.T))))
+    share_m = MAX_STD_OF_RANGE * float(np.median(np.hypot(*to.T)))
+    limit = min(MAX_POSITION_STD_M, max(SURE_POSITION_STD_M, share_m))
     if position_std > limit:
         return (
             f"standard deviation {position_std:.2f} m, limit {limit:.2f} m: landmarks in line or "
