@@ -108,6 +108,7 @@ def dataset_fleet(
     return Fleet(
         version=1,
         name="dataset",
+        ground="tcp/127.0.0.1:0",
         landmarks=landmarks,
         robots=robots,
         mission=Mission(segments=[Segment(duration_s=3600.0, speed_mps=0.0, fork_rate_radps=0.0)]),
