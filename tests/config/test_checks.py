@@ -150,3 +150,15 @@ def test_a_gain_beyond_the_steering_rule_brings_a_warning(tmp_path: Path) -> Non
     (warning,) = warnings(loaded(tmp_path, data))
     assert warning.startswith("robots.r2.formation.gain_per_s: 6.1/s is high")
     assert "at most 6/s" in warning
+
+
+def test_driving_on_the_papers_filter_brings_a_warning_for_each_follower(tmp_path: Path) -> None:
+    data = small()
+    data["simulation"] = {"steering": {"lag_s": 0.05}}
+    data["defaults"]["relative_filter"] = {"kind": "paper"}
+    found = warnings(loaded(tmp_path, data))
+    followers = [name for name, robot in data["robots"].items() if "leader" in robot]
+    assert [warning.partition(":")[0] for warning in found] == [
+        f"robots.{name}.relative_filter.kind" for name in followers
+    ]
+    assert all("`ukf` is the filter for robots" in warning for warning in found)
