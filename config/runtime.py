@@ -17,11 +17,15 @@ def runtime_dir() -> Path:
 
 def expand_channel(fleet: Fleet, robot: str) -> str:
     """CAN channel of one robot with its placeholders filled in."""
+    return expand_placeholders(fleet.robots[robot].can.channel, fleet, robot)
+
+
+def expand_placeholders(text: str, fleet: Fleet, robot: str) -> str:
+    """A channel or a folder of one robot with its placeholders filled in."""
     values = {"fleet": fleet.name, "robot": robot, "runtime": str(runtime_dir())}
-    channel = fleet.robots[robot].can.channel
     for name in PLACEHOLDERS:
-        channel = channel.replace(f"{{{name}}}", values[name])
-    return channel
+        text = text.replace(f"{{{name}}}", values[name])
+    return text
 
 
 def unknown_placeholders(channel: str) -> list[str]:

@@ -1,6 +1,7 @@
 """`echelon`: the operator's command line. Reports go to standard output, the rest to stderr."""
 
 import sys
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -180,9 +181,17 @@ def status(fleet: FleetName = "demo", ground: Ground = None, json: Json = False)
 
 
 @app.command(epilog="Example: echelon arm --fleet demo")
-def arm(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+def arm(
+    fleet: FleetName = "demo",
+    override: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CHECK", help="Leave a check aside, where the fleet file allows it."),
+    ] = None,
+    ground: Ground = None,
+    json: Json = False,
+) -> None:
     """Arm every robot of a running fleet."""
-    _command("arm", fleet, ground, json)
+    _command("arm", fleet, ground, json, override or ())
 
 
 @app.command(epilog="Example: echelon start --fleet demo")
@@ -239,11 +248,13 @@ def fault(
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 
 
-def _command(name: "CommandName", fleet: str, ground: str | None, json: bool) -> None:
+def _command(
+    name: "CommandName", fleet: str, ground: str | None, json: bool, override: Sequence[str] = ()
+) -> None:
     with bad_input_told(json):
         from groundstation import fleet_commands
 
-        report = fleet_commands.command(_load(fleet, ground), name)
+        report = fleet_commands.command(_load(fleet, ground), name, override)
         _write(report, json)
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 

@@ -1,6 +1,7 @@
 """What the operator asks of a running fleet, each answered with a report."""
 
 import time
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
@@ -64,17 +65,18 @@ def status(fleet: Fleet) -> StatusReport:
     return StatusReport(good, fleet.name, robots)
 
 
-def command(fleet: Fleet, name: CommandName) -> CommandReport:
+def command(fleet: Fleet, name: CommandName, override: Sequence[str] = ()) -> CommandReport:
     """Send a command to every robot.
 
-    Followers start first; the leader is not started when one of them refuses.
+    Followers start first; the leader is not started when one of them refuses. `override` names
+    checks before arming that are to be left aside.
     Raises GroundError when no robot is heard at all.
     """
     with FleetLink.as_visitor(fleet) as link:
         _discover(fleet, link)
         if name == "start":
             return _report(fleet, name, _start(fleet, link))
-        return _report(fleet, name, link.command(name, list(fleet.robots)))
+        return _report(fleet, name, link.command(name, list(fleet.robots), override))
 
 
 def estop(fleet: Fleet) -> CommandReport:

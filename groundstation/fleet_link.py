@@ -14,7 +14,7 @@ from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, FaultOrder, Message, encode
+from config.messages import Command, CommandReply, Estop, FaultOrder, Ground, Message, encode
 from config.topics import Topic
 from config.zenoh_settings import session_config
 from groundstation import keys
@@ -24,6 +24,7 @@ from groundstation.fleet_view import FleetView
 BACKLOG = 8192
 REPLY_TIMEOUT_S = 2.0
 ESTOP_PERIOD_S = 0.05
+HEARTBEAT_PERIOD_S = 1.0 / topics.GROUND.rate_hz
 NO_ANSWER = f"no answer within {REPLY_TIMEOUT_S:g} s"
 POLL_S = 0.01
 NOT_SIMULATED = "no simulated hardware answers for it: is echelon-sim running with this robot?"
@@ -69,6 +70,10 @@ class FleetLink:
         )
         self._estop = self._session.declare_publisher(topics.ESTOP.key(fleet.name))
         self._estops_sent = 0
+        self._heartbeat = (
+            self._session.declare_publisher(topics.GROUND.key(fleet.name)) if announce else None
+        )
+        self._beats, self._next_beat_s = 0, 0.0
         self._own_token = (
             self._session.liveliness().declare_token(topics.liveliness_key(fleet.name, announce))
             if announce is not None
@@ -104,8 +109,10 @@ class FleetLink:
     def poll(self) -> list[Heard]:
         """Everything that arrived since the last call, also taken into `view`.
 
-        A message that cannot be read is left out and named in `unreadable`.
+        A message that cannot be read is left out and named in `unreadable`. A ground station's
+        heartbeat goes out from here, so that it stops where nobody looks at the fleet any more.
         """
+        self._beat()
         while (token := self._tokens.handler.try_recv()) is not None:
             process = str(token.key_expr).rpartition("/")[2]
             if token.kind == zenoh.SampleKind.PUT:
@@ -118,6 +125,19 @@ class FleetLink:
                 self._take(str(sample.key_expr), sample.payload.to_bytes(), heard)
         return heard
 
+    def _beat(self) -> None:
+        if self._heartbeat is None or time.monotonic() < self._next_beat_s:
+            return
+        self._next_beat_s = time.monotonic() + HEARTBEAT_PERIOD_S
+        self._beats += 1
+        beat = Ground(
+            seq=self._beats,
+            t_ns=time.monotonic_ns(),
+            wall_ns=time.time_ns(),
+            operator=operator(),
+        )
+        self._heartbeat.put(encode(beat))
+
     def wait_until(self, reached: Callable[[], bool], timeout_s: float) -> bool:
         """Poll until the condition holds; False when it does not within the time."""
         deadline = time.monotonic() + timeout_s
@@ -129,12 +149,14 @@ class FleetLink:
                 return False
             time.sleep(POLL_S)
 
-    def command(self, name: str, robots: Sequence[str]) -> dict[str, CommandReply]:
+    def command(
+        self, name: str, robots: Sequence[str], override: Sequence[str] = ()
+    ) -> dict[str, CommandReply]:
         """Send one command to several robots at once and collect their replies.
 
         A robot that does not answer is reported as refusing, with that as the reason.
         """
-        payload = encode(Command(name=name, operator=operator()))
+        payload = encode(Command(name=name, operator=operator(), override=list(override)))
         pending = {
             robot: self._session.get(
                 topics.COMMAND.key(self._fleet.name, robot),

@@ -28,6 +28,7 @@ from config.messages import (
 )
 from config.topics import Topic
 from groundstation.formation_tree import start_order
+from onboard.canbus.bus_errors import BusUnavailable
 from onboard.canbus.port import CanPort
 from onboard.robot import Robot
 from onboard.step import Inputs, Outputs, Request
@@ -75,7 +76,8 @@ class Station:
     ) -> None:
         self.robot = Robot(fleet, name, db, seed)
         self.host_bus = DirectBus(devices, name, START_S, WALL_OFFSET_S)
-        self.port = CanPort(self.host_bus)
+        self.port = CanPort(self.host_bus, fleet.robots[name].can.bitrate, self._reopen)
+        self._devices, self._name = devices, name
         self.mail: list[Motion] = []
         self.requests: list[Request] = []
         self.estops: list[Estop] = []
@@ -85,6 +87,14 @@ class Station:
         self.late_s = 0.0
         self.ending = False
         self.clock_step_s = 0.0
+
+    def _reopen(self) -> DirectBus:
+        """The same adapter once it is back."""
+        if self._devices.adapter_lost:
+            raise BusUnavailable("direct", self._name, "adapter gone", "Plug it in")
+        bus = DirectBus(self._devices, self._name, START_S, WALL_OFFSET_S)
+        self.host_bus = bus
+        return bus
 
     def close(self) -> None:
         """Leave the bus."""

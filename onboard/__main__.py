@@ -4,11 +4,15 @@ import argparse
 import contextlib
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from config.can.database import CanDatabase, DatabaseMismatch
+from config.fleet import Fleet
 from config.loader import FleetFileError, expand_channel, load_fleet, resolve_fleet
 from config.realtime import request_realtime
+from config.runtime import expand_placeholders
+from onboard.canbus.black_box import BlackBox
 from onboard.canbus.port import BusUnavailable, CanPort
 from onboard.link import Link, LinkUnavailable
 from onboard.loop import run
@@ -52,7 +56,8 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: stop_signals.append(received))
     with (
-        contextlib.closing(CanPort.open(can.interface, channel, can.bitrate)) as port,
+        _black_box(fleet, name) as black_box,
+        contextlib.closing(CanPort.open(can.interface, channel, can.bitrate, black_box)) as port,
         Link(fleet, name) as link,
     ):
         refusal = request_realtime(settings.loop.realtime_priority)
@@ -60,13 +65,30 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
         if refusal is not None:
             print(f"{name}: no real-time priority: {refusal}", file=sys.stderr)
         print(f"{name}: up on {can.interface} {channel}", file=sys.stderr)
-        run(robot, port, link, 1.0 / settings.loop.rate_hz, statistics, lambda: bool(stop_signals))
+        period_s = 1.0 / settings.loop.rate_hz
+        run(robot, port, link, period_s, statistics, black_box, lambda: bool(stop_signals))
         health = statistics.health
         print(
             f"{name}: {health.cycles} cycles, {health.overruns} overruns, "
             f"wake-up lateness p99 {health.late_p99_ms:.2f} ms",
             file=sys.stderr,
         )
+
+
+@contextlib.contextmanager
+def _black_box(fleet: Fleet, name: str) -> Iterator[BlackBox | None]:
+    """The log of all frames, where the fleet file names a folder for it."""
+    settings = fleet.robots[name].black_box
+    if settings.folder is None:
+        yield None
+        return
+    folder = Path(expand_placeholders(settings.folder, fleet, name))
+    try:
+        box = BlackBox(folder, name, settings.file_mb, settings.files)
+    except OSError as error:
+        raise FleetFileError(f"black_box.folder {folder}: cannot be written: {error}") from error
+    with contextlib.closing(box):
+        yield box
 
 
 if __name__ == "__main__":

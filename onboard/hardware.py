@@ -12,6 +12,8 @@ from config.messages import DriveHealth
 from onboard.canbus.bearing_sensor import Bearing, BearingSensor, BearingSet
 from onboard.canbus.drive.driver import MotorDriver, MotorFeedback, MotorState
 from onboard.canbus.drive.odrive import OdriveAxis
+from onboard.canbus.drive.queries import OdriveQueries
+from onboard.canbus.drive.variant import variant_of
 from onboard.canbus.host import BearingOrders, HostFrames
 from onboard.canbus.safety_node import SafetyNode
 from onboard.canbus.steering_encoder import SteeringEncoder
@@ -25,17 +27,22 @@ class Hardware:
 
     def __init__(self, robot: Robot, database: CanDatabase) -> None:
         vehicle, table, aux = robot.vehicle, robot.failsafe, database.vehicle_aux()
+        steering = variant_of(database, vehicle.steering.node, vehicle.steering.firmware)
+        drive = variant_of(database, vehicle.drive.node, vehicle.drive.firmware)
+        self._queries = OdriveQueries(steering), OdriveQueries(drive)
         self.steering = OdriveAxis(
             database.axis(vehicle.steering.node),
             ControlMode.POSITION_CONTROL,
             vehicle.steering.revolutions_per_unit,
             table,
+            variant=steering,
         )
         self.drive = OdriveAxis(
             database.axis(vehicle.drive.node),
             ControlMode.VELOCITY_CONTROL,
             vehicle.drive.revolutions_per_unit,
             table,
+            variant=drive,
         )
         sensor_codecs = database.bearing_sensor(robot.bearing_sensor.unit)
         self.sensor = BearingSensor(sensor_codecs, robot.bearing_sensor)
@@ -144,6 +151,7 @@ class Hardware:
             *self.steering.tick(now_s),
             *self.drive.tick(now_s),
             *self._orders.tick(now_s),
+            *(frame for queries in self._queries for frame in queries.tick(now_s)),
         ]
 
     def _observation(self, seen: Bearing, look: BearingSet, now_s: float) -> Observation:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 
+from onboard.canbus.black_box import BlackBox
 from onboard.canbus.port import CanPort
 from onboard.link import Link
 from onboard.robot import Robot
@@ -25,6 +26,7 @@ def run(
     link: Link,
     period_s: float,
     statistics: LoopStatistics,
+    black_box: BlackBox | None,
     shutdown: Callable[[], bool],
 ) -> None:
     """Step the robot until it is asked to shut down and has come to rest."""
@@ -50,6 +52,8 @@ def run(
                 estops=link.estops(),
                 grounds=link.grounds(),
                 unreadable=link.unreadable(),
+                notes=port.take_notes(),
+                free_disk_mb=None if black_box is None else black_box.free_mb,
                 shutdown=shutdown(),
             )
         )

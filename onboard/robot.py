@@ -78,7 +78,7 @@ class Robot:
         dt_s = min(max(dt_s, 0.0), MAX_STEP_S)
         self._last_s = inputs.now_s
         self._telemetry.begin(at)
-        for text in inputs.unreadable:
+        for text in [*inputs.unreadable, *inputs.notes]:
             self._telemetry.event("warning", text)
         for motion in inputs.motions:
             self._role.hear(motion)

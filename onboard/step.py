@@ -28,7 +28,8 @@ class Request(NamedTuple):
 class Inputs:
     """Everything one step depends on. Times are in seconds; `wall_s` is the wall clock's.
 
-    `free_disk_mb` is None where the robot writes nothing.
+    `unreadable` and `notes` are the shell's own
+    findings, for people. `free_disk_mb` is None where the robot writes nothing.
     """
 
     now_s: float
@@ -42,6 +43,7 @@ class Inputs:
     estops: list[Estop] = field(default_factory=list)
     grounds: list[Ground] = field(default_factory=list)
     unreadable: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     shutdown: bool = False
     free_disk_mb: float | None = None
 

@@ -1,4 +1,4 @@
-"""The CAN database of a robot: three DBC templates, moved to the robot's nodes."""
+"""The CAN database of a robot: DBC templates, moved to the robot's nodes."""
 
 from dataclasses import dataclass
 from importlib import resources
@@ -8,12 +8,14 @@ from cantools.database.can import Database
 
 from config.can.group import DatabaseMismatch, GroupT, build_group
 from config.can.odrive import AxisCodecs
+from config.can.odrive_05 import Axis05Codecs
 from config.can.plan import IDS_PER_NODE
 from config.can.vehicle import BearingSensorCodecs, VehicleAuxCodecs
 
 __all__ = ["CanDatabase", "DatabaseMismatch", "template_text"]
 
 AXIS_DBC = "odrive_axis.dbc"
+AXIS_05_DBC = "odrive_axis_05.dbc"
 BEARING_SENSOR_DBC = "bearing_sensor.dbc"
 VEHICLE_AUX_DBC = "vehicle_aux.dbc"
 
@@ -30,6 +32,7 @@ class CanDatabase:
     _axis: AxisCodecs
     _bearing_sensor: BearingSensorCodecs
     _vehicle_aux: VehicleAuxCodecs
+    _axis_05: Axis05Codecs
 
     @classmethod
     def load(cls) -> Self:
@@ -47,11 +50,16 @@ class CanDatabase:
             _compile(AxisCodecs, axis, AXIS_DBC),
             _compile(BearingSensorCodecs, bearing_sensor, BEARING_SENSOR_DBC),
             _compile(VehicleAuxCodecs, vehicle_aux, VEHICLE_AUX_DBC),
+            _compile(Axis05Codecs, template_text(AXIS_05_DBC), AXIS_05_DBC),
         )
 
     def axis(self, node: int) -> AxisCodecs:
         """Codecs of the drive with this node id."""
         return self._axis.moved(node * IDS_PER_NODE)
+
+    def axis_05(self, node: int) -> Axis05Codecs:
+        """What is different on the drive with this node id where its firmware is 0.5."""
+        return self._axis_05.moved(node * IDS_PER_NODE)
 
     def bearing_sensor(self, unit: int = 0) -> BearingSensorCodecs:
         """Codecs of the bearing sensor with this unit number."""

@@ -19,12 +19,15 @@ from config.can.odrive import AxisCodecs, AxisState, ControlMode, InputMode
 from config.fleet import Limits, Vehicle
 from onboard.safety.guard_measurements import Measured
 from onboard.safety.rate_budget import RateBudget
+from onboard.safety.window_limit import WINDOW_S, WindowLimit
 
 SPEED_SLACK = 1.001
 STEERING_SLACK_RAD = 0.01
 """The guard's zero and the driver's differ by the noise of one look at the encoder."""
 HOLD_TOLERANCE_RAD = 0.05
 """Without leave to move, a steering setpoint may be this far from the measured position."""
+MIN_SPACING_S = 0.0015
+"""Between two frames with one identifier: no loop is faster than 500 Hz. Stops are exempt."""
 REFERENCE_AGE_S = 0.1
 """A setpoint older than this no longer tells what the motor does; the measurement does."""
 MAX_REPORTS = 100
@@ -41,6 +44,8 @@ class GuardVerdict(Enum):
     NOT_FINITE = "not finite"
     OVER_LIMIT = "over limit"
     OVER_RATE = "over rate"
+    OVER_WINDOW = "over window limit"
+    TOO_SOON = "too soon"
     MOTION_NOT_ALLOWED = "motion not allowed"
 
 
@@ -82,12 +87,18 @@ class TransmitGuard:
         self._turning = RateBudget(limits.steering_rate_radps)
         self._codecs: dict[int, Codec[Any]] = {}
         self._rules: dict[int, _Rule] = {}
+        self._speeds = WindowLimit(limits.acceleration_mps2, limits.deceleration_mps2)
+        self._angles = WindowLimit(limits.steering_rate_radps, limits.steering_rate_radps)
+        self._queries: set[int] = set()
+        self._urgent: set[int] = set()
+        self._t_passed_s: dict[int, float] = {}
         self._reports: deque[str] = deque(maxlen=MAX_REPORTS)
         self._allow_protected(database.vehicle_aux())
         self._allow_protected(database.bearing_sensor(bearing_unit))
         steering, drive = database.axis(vehicle.steering.node), database.axis(vehicle.drive.node)
         self._allow_axis(steering, ControlMode.POSITION_CONTROL)
         self._allow_axis(drive, ControlMode.VELOCITY_CONTROL)
+        self._clear_as_firmware_wants(database, vehicle)
         self._allow(steering.set_input_pos, self._check_steering)
         self._allow(drive.set_input_vel, self._check_speed)
 
@@ -107,6 +118,8 @@ class TransmitGuard:
 
     def check(self, frame: Frame) -> Decision:
         """Judge one outgoing frame; a setpoint that passes becomes the next one's reference."""
+        if frame.remote and frame.can_id in self._queries:
+            return self._spaced(frame) or PASS
         codec = self._codecs.get(frame.can_id)
         if codec is None or frame.remote:
             return Decision(
@@ -117,11 +130,23 @@ class TransmitGuard:
                 GuardVerdict.WRONG_LENGTH,
                 f"{codec.name} has {len(frame.data)} data bytes, the database says {codec.length}",
             )
-        return self._rules[frame.can_id](frame)
+        return self._spaced(frame) or self._rules[frame.can_id](frame)
+
+    def _spaced(self, frame: Frame) -> Decision | None:
+        """Why a frame comes too soon after the last one of its kind that passed, or None."""
+        last_s = self._t_passed_s.get(frame.can_id, -math.inf)
+        apart_s = frame.t_s - last_s
+        if frame.can_id in self._urgent or not 0 <= apart_s < MIN_SPACING_S:
+            return None
+        return Decision(
+            GuardVerdict.TOO_SOON,
+            f"{apart_s * 1e3:.2f} ms after the last, limit {MIN_SPACING_S * 1e3:.2f} ms",
+        )
 
     def _admit_one(self, frame: Frame) -> bool:
         decision = self.check(frame)
         if decision.verdict is GuardVerdict.PASSED:
+            self._t_passed_s[frame.can_id] = frame.t_s
             return True
         self.blocked[decision.verdict] += 1
         self._reports.append(f"frame 0x{frame.can_id:03X} blocked: {decision.reason}")
@@ -141,11 +166,22 @@ class TransmitGuard:
         """What driving needs; settings, torque setpoints and reboots are not among it."""
         states = ((AxisState.IDLE,), (AxisState.CLOSED_LOOP_CONTROL,))
         modes = ((mode, InputMode.PASSTHROUGH),)
+        self._urgent |= {axis.estop.can_id, axis.set_axis_state.can_id}
+        self._queries |= {
+            axis.get_version.can_id,
+            axis.get_bus_voltage_current.can_id,
+            axis.get_temperature.can_id,
+        }
         self._allow(axis.estop, lambda _frame: PASS)
         self._allow(axis.clear_errors, lambda _frame: PASS)
         self._allow(axis.set_axis_state, _one_of(axis.set_axis_state, states))
         self._allow(axis.set_controller_mode, _one_of(axis.set_controller_mode, modes))
         self._allow(axis.set_limits, lambda frame: _check_drive_limits(axis, frame))
+
+    def _clear_as_firmware_wants(self, database: CanDatabase, vehicle: Vehicle) -> None:
+        for axis in (vehicle.steering, vehicle.drive):
+            if axis.firmware == "0.5":
+                self._allow(database.axis_05(axis.node).clear_errors, lambda _frame: PASS)
 
     def _check_speed(self, frame: Frame) -> Decision:
         rev_per_s, feed_forward = self._codecs[frame.can_id].unpack(frame.data)
@@ -155,6 +191,7 @@ class TransmitGuard:
         decision = self._judge_speed(speed_mps, frame.t_s) if speed_mps else PASS
         if decision is PASS:
             self._speed = _Setpoint(speed_mps, frame.t_s)
+            self._speeds.add(abs(speed_mps), frame.t_s)
         return decision
 
     def _judge_speed(self, speed_mps: float, now_s: float) -> Decision:
@@ -171,6 +208,8 @@ class TransmitGuard:
             return _over_rate("speed", before_mps, speed_mps, limits.acceleration_mps2, "m/s")
         if not self._slower.covers(down_mps):
             return _over_rate("speed", before_mps, speed_mps, limits.deceleration_mps2, "m/s")
+        if not self._speeds.covers(abs(speed_mps), now_s):
+            return _over_window("speed", speed_mps, "m/s")
         self._faster.use(up_mps)
         self._slower.use(down_mps)
         return PASS
@@ -214,7 +253,10 @@ class TransmitGuard:
         self._turning.refill(now_s)
         if not self._turning.covers(abs(angle_rad - before_rad)):
             return _over_rate("steering", before_rad, angle_rad, limits.steering_rate_radps, "rad")
+        if not self._angles.covers(angle_rad, now_s):
+            return _over_window("steering", angle_rad, "rad")
         self._turning.use(abs(angle_rad - before_rad))
+        self._angles.add(angle_rad, now_s)
         return PASS
 
     @staticmethod
@@ -270,6 +312,13 @@ def _not_allowed(what: str) -> Decision:
 
 def _over_limit(what: str, value: float, limit: float, unit: str) -> Decision:
     return Decision(GuardVerdict.OVER_LIMIT, f"{what} {value:.3f} {unit}, limit {limit:.3f} {unit}")
+
+
+def _over_window(what: str, value: float, unit: str) -> Decision:
+    return Decision(
+        GuardVerdict.OVER_WINDOW,
+        f"{what} setpoint {value:.3f} {unit} is too far from those of the last {WINDOW_S:.2f} s",
+    )
 
 
 def _over_rate(what: str, before: float, after: float, limit: float, unit: str) -> Decision:

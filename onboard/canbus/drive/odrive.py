@@ -1,4 +1,4 @@
-"""Driver of one ODrive axis: CANSimple, firmware 0.6, without input and output.
+"""Driver of one ODrive axis: CANSimple, firmware 0.6 or 0.5, without input and output.
 
 Facts that shape it: there is no acknowledgement, so arming waits for a heartbeat newer than the
 request; Procedure_Result stays BUSY in closed loop from 0.6.11 on, so it is never waited for;
@@ -11,12 +11,12 @@ drive whose heartbeat is silent.
 import math
 
 from config.can.frame import Frame
-from config.can.odrive import AxisCodecs, AxisError, AxisState, ControlMode, Heartbeat
+from config.can.odrive import AxisCodecs, AxisState, ControlMode
 from config.fleet import Failsafe
 from onboard.canbus.drive.driver import MotorFeedback, MotorState
-from onboard.canbus.drive.faults import describe, error_names
 from onboard.canbus.drive.odrive_frames import Content, DriveLimits, OdriveFrames
 from onboard.canbus.drive.odrive_inputs import OdriveInputs
+from onboard.canbus.drive.variant import OdriveVariant, Report, variant_06
 
 TRANSITION_LIMIT_S = 1.0
 SETTLING_S = 0.02
@@ -43,12 +43,18 @@ class OdriveAxis:
         revolutions_per_unit: float,
         timeouts: Failsafe,
         limits: DriveLimits | None = None,
+        variant: OdriveVariant | None = None,
     ) -> None:
-        """Raises ValueError for a mode other than velocity and position control."""
+        """Without a `variant` the firmware is 0.6.
+
+        Raises ValueError for a mode other than velocity and position control.
+        """
         if mode not in _CONTROLLED:
             raise ValueError(f"control mode {mode.name}: only velocity and position are driven")
-        self._make = OdriveFrames(codecs, mode, revolutions_per_unit, limits)
-        self._inputs = OdriveInputs(codecs, timeouts)
+        self._variant = variant or variant_06(codecs)
+        clear = self._variant.clear_errors
+        self._make = OdriveFrames(codecs, mode, revolutions_per_unit, limits, clear)
+        self._inputs = OdriveInputs(codecs, self._variant, timeouts)
         self._is_position = mode is ControlMode.POSITION_CONTROL
         self._revolutions_per_unit = revolutions_per_unit
         self._zero_rev = None if self._is_position else 0.0
@@ -72,7 +78,7 @@ class OdriveAxis:
         return MotorFeedback(
             state=self._state,
             reason=self._reason,
-            faults=error_names(self._fault_bits),
+            faults=self._variant.error_names(self._fault_bits),
             position=self._joint_position(),
             velocity=velocity,
             t_estimate_s=inputs.t_estimate_s if inputs.estimates else None,
@@ -80,7 +86,8 @@ class OdriveAxis:
             current_a=inputs.current_a,
             bus_voltage_v=inputs.bus_voltage_v,
             temperature_degc=inputs.temperature_degc,
-            watchdog_expired=bool(self._fault_bits & AxisError.WATCHDOG_TIMER_EXPIRED),
+            firmware_problem=inputs.firmware_problem,
+            watchdog_expired=bool(self._fault_bits & self._variant.watchdog),
         )
 
     def on_frame(self, frame: Frame) -> None:
@@ -139,7 +146,7 @@ class OdriveAxis:
         """An operator's reset: clear the drive's errors; what still stands faults again."""
         if self._state is not MotorState.FAULT:
             return
-        requests = [self._make.idle(), self._make.clear_errors()]
+        requests = [self._make.idle(), self._make.clear_errors]
         self._enter(MotorState.OFFLINE, "waiting for a heartbeat after the reset", requests)
         self._fault_bits = 0
         self._estops_left = 0
@@ -191,12 +198,12 @@ class OdriveAxis:
                 self._on_heartbeat(inputs.heartbeat)
             self._check_transition(now_s - self._t_request_s, inputs.heartbeat)
 
-    def _check_transition(self, waited_s: float, heartbeat: Heartbeat) -> None:
+    def _check_transition(self, waited_s: float, heartbeat: Report) -> None:
         in_transition = self._state in (MotorState.ARMING, MotorState.STOPPING)
         if in_transition and waited_s > TRANSITION_LIMIT_S:
             self._fault(
                 f"{self._reason} not done after {waited_s:.2f} s, limit "
-                f"{TRANSITION_LIMIT_S:.2f} s: {describe(heartbeat)}"
+                f"{TRANSITION_LIMIT_S:.2f} s: {self._variant.describe(heartbeat)}"
             )
 
     def _on_bad_feedback(self, problem: str, disarm: bool) -> None:
@@ -205,39 +212,42 @@ class OdriveAxis:
         elif self._state is not MotorState.FAULT:
             self._state, self._reason = MotorState.OFFLINE, problem
 
-    def _on_heartbeat(self, heartbeat: Heartbeat) -> None:
+    def _on_heartbeat(self, heartbeat: Report) -> None:
         if self._state is MotorState.FAULT:
-            self._fault_bits |= heartbeat.axis_error
+            self._fault_bits |= heartbeat.errors
         elif self._state in _POWERED:
             self._on_powered_heartbeat(heartbeat)
         else:
             self._on_unpowered_heartbeat(heartbeat)
 
-    def _on_unpowered_heartbeat(self, heartbeat: Heartbeat) -> None:
-        if heartbeat.axis_error & ~AxisError.INITIALIZING:
-            self._fault(describe(heartbeat))
-        elif heartbeat.axis_state == AxisState.CLOSED_LOOP_CONTROL:
+    def _on_unpowered_heartbeat(self, heartbeat: Report) -> None:
+        if heartbeat.errors & ~self._variant.initialising:
+            self._fault(self._variant.describe(heartbeat))
+        elif heartbeat.state == AxisState.CLOSED_LOOP_CONTROL:
             self._fault("drive is in closed-loop control although nobody armed it here")
-        elif heartbeat.axis_state == AxisState.IDLE and not heartbeat.axis_error:
+        elif heartbeat.state == AxisState.IDLE and not heartbeat.errors:
             self._state, self._reason = MotorState.IDLE, "idle"
         else:
-            self._state, self._reason = MotorState.OFFLINE, f"busy: {describe(heartbeat)}"
+            self._state, self._reason = (
+                MotorState.OFFLINE,
+                f"busy: {self._variant.describe(heartbeat)}",
+            )
 
-    def _on_powered_heartbeat(self, heartbeat: Heartbeat) -> None:
-        in_closed_loop = heartbeat.axis_state == AxisState.CLOSED_LOOP_CONTROL
-        if heartbeat.axis_error:
-            self._fault(describe(heartbeat))
+    def _on_powered_heartbeat(self, heartbeat: Report) -> None:
+        in_closed_loop = heartbeat.state == AxisState.CLOSED_LOOP_CONTROL
+        if heartbeat.errors:
+            self._fault(self._variant.describe(heartbeat))
         elif self._state is MotorState.ACTIVE and not in_closed_loop:
-            self._fault(f"left closed-loop control: {describe(heartbeat)}")
+            self._fault(f"left closed-loop control: {self._variant.describe(heartbeat)}")
         elif self._state is MotorState.ARMING and in_closed_loop:
             self._state, self._reason = MotorState.ACTIVE, "in closed-loop control"
-        elif self._state is MotorState.STOPPING and heartbeat.axis_state == AxisState.IDLE:
+        elif self._state is MotorState.STOPPING and heartbeat.state == AxisState.IDLE:
             self._state, self._reason = MotorState.IDLE, "idle"
 
     def _fault(self, reason: str, disarm: bool = True) -> None:
         """Latch a reason; tell a drive that can hear us to let go."""
         self._enter(MotorState.FAULT, reason, [self._make.idle()] if disarm else [])
-        self._fault_bits = self._inputs.heartbeat.axis_error if self._inputs.heartbeat else 0
+        self._fault_bits = self._inputs.heartbeat.errors if self._inputs.heartbeat else 0
 
     def _enter(self, state: MotorState, reason: str, requests: list[Content]) -> None:
         self._state, self._reason, self._requests = state, reason, requests

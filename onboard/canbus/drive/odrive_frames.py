@@ -20,17 +20,19 @@ class DriveLimits:
 class OdriveFrames:
     """Makes frames for one axis; the drive counts motor revolutions, the caller joint units.
 
-    Feed-forwards are always 0, because their scale is a setting of the drive.
+    Feed-forwards are always 0, because their scale is a setting of the drive. How errors are
+    cleared depends on the firmware.
     """
 
     codecs: AxisCodecs
     mode: ControlMode
     revolutions_per_unit: float
     limits: DriveLimits | None
+    clear_errors: Content
 
     def arming(self) -> list[Content]:
         """Mode, limits where there are any, clear, closed loop; in this order."""
-        mode, clear = self.codecs.set_controller_mode, self.clear_errors()
+        mode, clear = self.codecs.set_controller_mode, self.clear_errors
         frames = [(mode.can_id, mode.pack(self.mode, InputMode.PASSTHROUGH))]
         if self.limits is not None:
             codec = self.codecs.set_limits
@@ -41,10 +43,6 @@ class OdriveFrames:
     def idle(self) -> Content:
         """Let go of the motor."""
         return self._axis_state(AxisState.IDLE)
-
-    def clear_errors(self) -> Content:
-        """Clear the drive's errors, without blinking."""
-        return self.codecs.clear_errors.can_id, self.codecs.clear_errors.pack(0)
 
     def estop(self) -> Content:
         """Disarm at once, with the error ESTOP_REQUESTED."""

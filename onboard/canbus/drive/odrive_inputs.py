@@ -3,8 +3,9 @@
 import math
 
 from config.can.frame import Frame
-from config.can.odrive import AxisCodecs, GetEncoderEstimates, Heartbeat
+from config.can.odrive import AxisCodecs, GetEncoderEstimates
 from config.fleet import Failsafe
+from onboard.canbus.drive.variant import OdriveVariant, Report
 from onboard.canbus.silence import overdue
 
 _LENGTH = 8
@@ -14,15 +15,16 @@ _LENGTH = 8
 class OdriveInputs:
     """Keeps the newest of every message of one axis, with the time of its arrival."""
 
-    def __init__(self, codecs: AxisCodecs, timeouts: Failsafe) -> None:
-        self.heartbeat: Heartbeat | None = None
+    def __init__(self, codecs: AxisCodecs, variant: OdriveVariant, timeouts: Failsafe) -> None:
+        self.heartbeat: Report | None = None
         self.t_heartbeat_s = -math.inf
         self.estimates: GetEncoderEstimates | None = None
         self.t_estimate_s = -math.inf
         self.current_a: float | None = None
         self.bus_voltage_v: float | None = None
         self.temperature_degc: float | None = None
-        self._codecs = codecs
+        self.firmware_problem: str | None = None
+        self._codecs, self._variant = codecs, variant
         self._timeouts = timeouts
 
     def on_frame(self, frame: Frame) -> None:
@@ -33,15 +35,18 @@ class OdriveInputs:
         if frame.can_id == codecs.get_encoder_estimates.can_id:
             self.estimates = codecs.get_encoder_estimates.unpack(frame.data)
             self.t_estimate_s = frame.t_s
-        elif frame.can_id == codecs.heartbeat.can_id:
-            self.heartbeat = codecs.heartbeat.unpack(frame.data)
+        elif frame.can_id == self._variant.heartbeat_id:
+            self.heartbeat = self._variant.report(frame.data)
             self.t_heartbeat_s = frame.t_s
         elif frame.can_id == codecs.get_iq.can_id:
             self.current_a = codecs.get_iq.unpack(frame.data).iq_measured
         elif frame.can_id == codecs.get_bus_voltage_current.can_id:
             voltage = codecs.get_bus_voltage_current.unpack(frame.data).bus_voltage
             self.bus_voltage_v = voltage if math.isfinite(voltage) else None
-        elif frame.can_id == codecs.get_temperature.can_id:
+        elif frame.can_id == codecs.get_version.can_id:
+            version = codecs.get_version.unpack(frame.data)
+            self.firmware_problem = self._variant.firmware_problem(version)
+        elif frame.can_id == codecs.get_temperature.can_id and self._variant.tells_temperature:
             self.temperature_degc = _hottest(codecs.get_temperature.unpack(frame.data))
 
     def heartbeat_problem(self, now_s: float) -> str | None:

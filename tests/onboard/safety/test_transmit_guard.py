@@ -288,7 +288,13 @@ def test_a_state_mode_or_signature_that_driving_does_not_use_is_blocked(
 
 
 def test_blocked_frames_are_left_out_counted_and_reported(guard: TransmitGuard) -> None:
-    frames = [speed(0.05), speed(5.0), steering(0.01), speed(math.nan), Frame(0x041, b"", 0.0)]
+    frames = [
+        speed(0.05),
+        speed(5.0, 0.01),
+        steering(0.01),
+        speed(math.nan, 0.02),
+        Frame(0x041, b"", 0.0),
+    ]
     assert guard.admit(frames) == [speed(0.05), steering(0.01)]
     assert guard.blocked == {
         Verdict.OVER_LIMIT: 1,
@@ -312,3 +318,55 @@ def test_after_a_silence_the_measured_speed_is_the_reference(guard: TransmitGuar
     guard.observe(estimates(2, 0.0, 0.8 * REV_PER_M, 1.0))
     assert guard.check(speed(0.85, 1.0)).verdict is Verdict.PASSED
     assert guard.check(speed(0.1, 1.01)).verdict is Verdict.OVER_RATE
+
+
+def test_a_second_setpoint_of_the_same_cycle_is_too_soon(guard: TransmitGuard) -> None:
+    assert guard.admit([speed(0.0, 1.0), speed(0.0, 1.0014)]) == [speed(0.0, 1.0)]
+    assert guard.blocked == {Verdict.TOO_SOON: 1}
+    assert guard.take_reports() == ["frame 0x04D blocked: 1.40 ms after the last, limit 1.50 ms"]
+    assert guard.admit([speed(0.0, 1.002)])
+    assert guard.admit([steering(0.0, 1.002)]), "every identifier has its own spacing"
+
+
+def test_an_emergency_stop_is_never_too_soon(guard: TransmitGuard) -> None:
+    stop = Frame(0x042, b"", 1.0)
+    assert guard.admit([stop, stop, stop]) == [stop, stop, stop]
+
+
+def test_a_blocked_frame_does_not_count_for_the_spacing(guard: TransmitGuard) -> None:
+    assert guard.admit([speed(5.0, 1.0)]) == []
+    assert guard.admit([speed(0.0, 1.0)])
+
+
+def test_what_is_asked_of_a_drive_passes_and_other_remote_frames_do_not(
+    guard: TransmitGuard,
+) -> None:
+    asked = [Frame(can_id, b"", 0.0, remote=True) for can_id in (0x040, 0x057, 0x055, 0x020)]
+    assert guard.admit(asked) == asked
+    for can_id in (0x04D, 0x04E, 0x044, 0x060):
+        decision = guard.check(Frame(can_id, b"", 1.0, remote=True))
+        assert decision.verdict is Verdict.NOT_WHITELISTED
+
+
+@pytest.mark.parametrize(("firmware", "data"), [("0.6", b"\0"), ("0.5", b"")])
+def test_errors_are_cleared_as_the_firmware_wants_it(
+    database: CanDatabase, firmware: str, data: bytes
+) -> None:
+    drive = VEHICLE.drive.model_copy(update={"firmware": firmware})
+    vehicle = VEHICLE.model_copy(update={"drive": drive})
+    guard = TransmitGuard(database, vehicle, LIMITS, bearing_unit=0)
+    assert guard.check(Frame(0x058, data, 0.0)).verdict is Verdict.PASSED
+    other = b"" if data else b"\0"
+    assert guard.check(Frame(0x058, other, 1.0)).verdict is Verdict.WRONG_LENGTH
+
+
+def test_jumps_of_the_measurement_do_not_carry_a_setpoint_beyond_the_window(
+    guard: TransmitGuard,
+) -> None:
+    """With 0.11 s between setpoints each one starts from the measured angle, wherever that is."""
+    verdicts = []
+    for step, angle_rad in enumerate((0.0, 0.2, 0.4)):
+        t_s = 0.11 * step
+        guard.observe(estimates(1, ZERO_REV + angle_rad * REV_PER_RAD, 0.0, t_s))
+        verdicts.append(guard.check(steering(angle_rad, t_s)).verdict)
+    assert verdicts == [Verdict.PASSED, Verdict.PASSED, Verdict.OVER_WINDOW]
