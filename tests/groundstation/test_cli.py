@@ -15,7 +15,9 @@ from groundstation.endpoints import with_real_port
 from groundstation.fleet_link import ANY_LOOPBACK, FleetLink
 from tests.groundstation.fake_robot import FakeRobot, robots
 
-COMMANDS = ("demo", "status", "arm", "start", "stop", "estop", "reset")
+COMMANDS = ("demo", "status", "arm", "start", "stop", "estop", "reset", "doctor", "fault")
+NEEDED = {"doctor": ("--mission",), "fault": ("r1", "bearing", "stuck")}
+"""What a command needs besides a fleet."""
 RUNNER = CliRunner()
 
 
@@ -49,7 +51,7 @@ def test_help_needs_neither_figures_nor_network() -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_unknown_fleet_is_named(command: str) -> None:
-    result = RUNNER.invoke(app, [command, "--fleet", "dmeo"])
+    result = RUNNER.invoke(app, [command, *NEEDED.get(command, ()), "--fleet", "dmeo"])
     assert result.exit_code == 2
     assert "dmeo" in result.stderr
     assert "demo" in result.stderr
