@@ -32,7 +32,7 @@ CHECKED_BEARINGS = 12
 CHECKED_SHARE = 0.8
 """... and when no more than the rest do not; with more misfits than fits it is dropped."""
 
-CONFIRMATIONS = 2
+CONFIRMATIONS = 3
 """So often must the window tell the same pose again, half a second and more apart."""
 
 TRUSTED_HEADING_STD_RAD = 0.2

@@ -93,24 +93,29 @@ class PoseSearch:
     def solve(self) -> Found | None:
         """The pose, where the bearings tell one; `reason` says why they do not."""
         self._fresh, self._wait_s = False, SOLVE_PERIOD_S
-        batch = self._window.batch(self._landmarks)
         self.hypotheses = 0
+        found = self._told()
+        if isinstance(found, Found):
+            return found
+        self.reason = f"no pose: {found}"
+        return None
+
+    def _told(self) -> Found | str:
+        """The pose, or why there is none."""
+        batch = self._window.batch(self._landmarks)
         if batch is None:
-            return self._without("all bearings are too old")
+            return "all bearings are too old"
         if (problem := _too_little(batch)) is not None:
-            return self._without(problem)
+            return problem
         found = possible_poses(batch)
         self.hypotheses = len(found)
         if (problem := _ambiguous(found) or _unsupported(batch, found[0])) is not None:
-            return self._without(problem)
+            return problem
         told = worth(batch, found[0])
         if (problem := _weak(batch, found[0], told)) is not None:
-            return self._without(problem)
+            return problem
         root: Array = np.asarray(np.linalg.cholesky(told.covariance) * STD_MARGIN)
         return Found(told.pose, root, self._window.steering_rad)
-
-    def _without(self, problem: str) -> None:
-        self.reason = f"no pose: {problem}"
 
 
 def _too_little(batch: Batch) -> str | None:

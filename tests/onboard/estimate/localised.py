@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -92,11 +92,11 @@ class Robot:
         return float(off @ np.linalg.solve(np.reshape(belief.covariance, (4, 4)), off))
 
 
-def lost_robot(seed: int, landmarks: Landmarks, **how: float) -> Robot:
+def lost_robot(seed: int, landmarks: Landmarks) -> Robot:
     """Somewhere within 3 m of the middle, in any direction, 1 % off in its odometry."""
     rng = np.random.default_rng(seed)
     x, y, heading = rng.uniform((-3.0, -3.0, -math.pi), (3.0, 3.0, math.pi)).tolist()
-    return replace(Robot(landmarks, rng, Body(x, y, heading), speed_scale=1.01), **how)
+    return Robot(landmarks, rng, Body(x, y, heading), speed_scale=1.01)
 
 
 def localiser_of(robot: Robot, **settings: object) -> GaussianLocaliser:

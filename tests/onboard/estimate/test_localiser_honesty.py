@@ -13,12 +13,12 @@ from onboard.estimate.localiser import LandmarkBearing
 from onboard.estimate.localiser_gaussian import GaussianLocaliser
 from tests.onboard.estimate.localised import (
     SQUARE,
-    Body,
     Robot,
     covariance_of,
     drive,
     localiser_of,
 )
+from tests.onboard.estimate.pair import Body
 
 NOISE = 0.05
 START_STD = 0.05
@@ -31,7 +31,7 @@ def run(seed: int, count: int, seconds: float) -> list[tuple[float, float, float
     robot = Robot(landmarks, rng, Body(0.0, 0.0, 0.5), noise=(NOISE, NOISE), std=0.05)
     localiser = localiser_of(robot)
     body = robot.body
-    body.x, body.y, body.heading = (rng.normal((body.x, body.y, body.heading), START_STD)).tolist()
+    body.x, body.y, body.heading = rng.normal((0.0, 0.0, 0.5), START_STD).tolist()
     rows = []
     for step, belief in enumerate(drive(robot, localiser, seconds), start=1):
         if step % 50 == 0:
@@ -43,7 +43,7 @@ def run(seed: int, count: int, seconds: float) -> list[tuple[float, float, float
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_with_too_few_landmarks_the_claimed_deviation_grows_as_the_error_does(count: int) -> None:
-    runs = np.array([run(seed, count, 10.0) for seed in range(16)])
+    runs = np.array([run(seed, count, 10.0) for seed in range(10)])
     error, claimed = np.sqrt(runs.mean(axis=0)[:, :2]).T
     assert claimed[-1] > 2.0 * claimed[0]
     assert error[-1] > 2.0 * error[0]

@@ -11,13 +11,13 @@ from onboard.estimate.beliefs import PoseBelief
 from onboard.estimate.localiser_gaussian import GaussianLocaliser
 from tests.onboard.estimate.localised import (
     SQUARE,
-    Body,
     Robot,
     drive,
     localiser_of,
     lost_robot,
     wander,
 )
+from tests.onboard.estimate.pair import Body
 
 
 def rms(robot: Robot, beliefs: Iterator[PoseBelief | None]) -> float:
