@@ -101,7 +101,7 @@ class PoseFilter:
     @property
     def pose(self) -> tuple[float, float, float]:
         """x, y and eta."""
-        return self._mean[:HEADING]
+        return self._mean[X], self._mean[Y], self._mean[FORK]
 
     @property
     def position_std_m(self) -> float:
