@@ -111,6 +111,15 @@ def _landmarks_given(fleet: Fleet) -> Iterator[Finding]:
             "`landmarks` is missing: the leading robot localises by them "
             "(write `landmarks: []` to drive by odometry alone)",
         )
+    if fleet.landmarks:
+        return
+    for name, robot in fleet.robots.items():
+        if robot.leader is None and robot.localiser.start == "unknown":
+            yield (
+                ("robots", name, "localiser", "start"),
+                "an unknown pose is found by landmarks and `landmarks` is empty: list at least 2, "
+                "or write `start: known`",
+            )
 
 
 def _channels_differ(fleet: Fleet) -> Iterator[Finding]:

@@ -155,6 +155,11 @@ class Follower:
         """A follower lives on what it sees of its leader."""
         return marker in self._leader_markers
 
+    @property
+    def lives_on_bearings(self) -> bool:
+        """Always: it keeps its place by them."""
+        return True
+
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """Age by the content, so that a backlog delivered late does not count as news."""
         motion = self._motion

@@ -75,8 +75,13 @@ class Leader:
         return None if self._reference is None else self._reference.time_s
 
     def watches(self, marker: int) -> bool:
-        """A leader lives on its landmarks; without any on the map, a look is all there is."""
+        """A leader lives on its landmarks, where its map has any."""
         return marker in self._landmarks
+
+    @property
+    def lives_on_bearings(self) -> bool:
+        """Not with an empty map: that asks for driving by odometry alone."""
+        return bool(self._landmarks)
 
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """A leader has no leader."""

@@ -83,6 +83,8 @@ class Lookout:
         return LeaderSeen(leader.name, leader.age_s, leader.state, leader.problem, offset_s)
 
     def _bearing_age_s(self, now_s: float, observations: list[Observation]) -> float | None:
+        if not self._role.lives_on_bearings:
+            return 0.0
         watched = [seen.age_s for seen in observations if self._role.watches(seen.marker)]
         if watched:
             self._bearing_s = now_s - min(watched)

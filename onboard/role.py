@@ -70,6 +70,10 @@ class Role(Protocol):
     def watches(self, marker: int) -> bool:
         """Whether bearings to this marker are what the robot cannot do without."""
 
+    @property
+    def lives_on_bearings(self) -> bool:
+        """Whether there are such markers at all."""
+
     def leader_seen(self, at: Stamp) -> LeaderSeen | None:
         """Age and state of the leader's last message; None for a robot without a leader."""
 

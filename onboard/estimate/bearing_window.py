@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from config import fleet
 from onboard.estimate.localiser import STANDING_NOISE, KnownRate, LandmarkBearing, Mounting
-from onboard.estimate.localiser_motion import Input, Mean, Rates, advance, stands
+from onboard.estimate.localiser_motion import Input, Mean, advance, stands
+from onboard.estimate.rate_history import RateHistory
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,7 @@ class BearingWindow:
         self._mounting = mounting
         self._known_rate: KnownRate = known_rate
         self._mean: Mean = (0.0, 0.0, steering_rad, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._rates = Rates()
+        self._history = RateHistory()
         self._walked = Walked()
         self._entries: list[Entry] = []
 
@@ -99,7 +100,8 @@ class BearingWindow:
     def predict(self, given: Input) -> None:
         """Dead reckoning by one step."""
         before = self._mean
-        self._mean, _, self._rates = advance(before, given, self._wheelbase_m, self._known_rate)
+        self._mean, _, rates = advance(before, given, self._wheelbase_m, self._known_rate)
+        self._history.advance(given.dt_s, rates)
         path, turned, active, turning = self._walked
         turn = abs(self._mean[2] - before[2])
         self._walked = Walked(
@@ -118,7 +120,7 @@ class BearingWindow:
         """Average into the entry of this landmark and place that it fits, or begin one."""
         if not math.isfinite(seen.bearing_rad):
             return
-        age, rates = seen.age_s, self._rates
+        age, rates = seen.age_s, self._history.over(seen.age_s)
         x, y = self._mean[0] - age * rates.x_mps, self._mean[1] - age * rates.y_mps
         fork = self._mean[2] - age * rates.fork_radps
         axis = fork if self._mounting == "fork" else self._mean[3] - age * rates.heading_radps

@@ -100,7 +100,14 @@ def _rotated(headings: Array, places: Array) -> Array:
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
-def _linearised(batch: Batch, poses: Array) -> tuple[Array, Array, Array]:
+def inverse(information: Array) -> Array:
+    """Symmetric inverse, finite where nothing is told in some direction."""
+    lifted = information + 1e-9 * (np.trace(information) + 1.0) * np.eye(len(information))
+    inverted: Array = np.asarray(np.linalg.inv((lifted + lifted.T) / 2))
+    return (inverted + inverted.T) / 2
+
+
+def linearised(batch: Batch, poses: Array) -> tuple[Array, Array, Array]:
     """Residuals (poses, n), their gradients by the pose (poses, n, 3), and their variances."""
     moved = _rotated(poses[:, 2], batch.places)
     to = batch.landmarks - moved - poses[:, None, :2]
@@ -117,7 +124,7 @@ def _linearised(batch: Batch, poses: Array) -> tuple[Array, Array, Array]:
 def _refined(batch: Batch, poses: Array) -> Array:
     """Gauss-Newton on the robust cost, all candidates at once, with a little damping."""
     for _ in range(REFINE_ROUNDS):
-        residuals, gradients, variances = _linearised(batch, poses)
+        residuals, gradients, variances = linearised(batch, poses)
         weights = 1.0 / (variances * (1.0 + residuals**2 / variances / CAUCHY))
         weighted = gradients * weights[..., None]
         normal = np.swapaxes(gradients, 1, 2) @ weighted
@@ -129,22 +136,14 @@ def _refined(batch: Batch, poses: Array) -> Array:
 
 
 def _judged(batch: Batch, pose: Array) -> Hypothesis:
-    """Cost and covariance; the latter counts drift and bias as what the entries share."""
-    residuals, gradients, variances = (each[0] for each in _linearised(batch, pose[None]))
+    """Cost and covariance of a pose, as if no entry shared anything with another."""
+    residuals, gradients, variances = (each[0] for each in linearised(batch, pose[None]))
     nis = residuals**2 / variances
     inliers = nis < INLIER_NIS
-    rows, kept = gradients[inliers], variances[inliers]
-    information = rows.T @ (rows / kept[:, None])
-    information += 1e-9 * (np.trace(information) + 1.0) * np.eye(3)
-    gain = np.linalg.solve(information, (rows / kept[:, None]).T)
-    independent = batch.variances[inliers]
-    across = rows[:, :2]
-    shared = batch.bias_variance + np.minimum.outer(*[batch.turn_drifts[inliers]] * 2)
-    shared += np.minimum.outer(*[batch.drifts[inliers]] * 2) * (across @ across.T)
-    covariance = (gain * independent) @ gain.T + gain @ shared @ gain.T
+    rows = gradients[inliers] / np.sqrt(variances[inliers])[:, None]
     x, y, fork = pose.tolist()
     cost = float(np.minimum(nis, MAX_COST).sum())
-    return Hypothesis((x, y, fork), covariance + np.linalg.inv(information) * 1e-3, cost, inliers)
+    return Hypothesis((x, y, fork), inverse(rows.T @ rows), cost, inliers)
 
 
 def _same(one: Hypothesis, other: Hypothesis) -> bool:

@@ -28,13 +28,13 @@ from onboard.estimate.localiser_motion import (
     Array,
     Input,
     Mean,
-    Rates,
     X,
     Y,
     advance,
     noise_rows,
     predicted_bearing,
 )
+from onboard.estimate.rate_history import RateHistory
 
 FORK_START_STD_RAD = 0.001
 """Of the steering angle at the start, where no encoder is used afterwards."""
@@ -61,7 +61,7 @@ class PoseFilter:
         self._known_rate: KnownRate = known_rate
         self._mean = mean
         self._root = root
-        self._rates = Rates()
+        self._history = RateHistory()
         self._stacked: Array = np.zeros((STATES + NOISES, STATES))
 
     @classmethod
@@ -99,6 +99,11 @@ class PoseFilter:
         return self._mean[BIAS]
 
     @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y and eta."""
+        return self._mean[X], self._mean[Y], self._mean[FORK]
+
+    @property
     def position_std_m(self) -> float:
         """Deviation of the position along its worst axis, at most."""
         rows = self._root[:FORK]
@@ -112,9 +117,10 @@ class PoseFilter:
 
     def predict(self, given: Input) -> None:
         """Advance by one step."""
-        self._mean, f, self._rates = advance(self._mean, given, self._wheelbase_m, self._known_rate)
+        self._mean, f, rates = advance(self._mean, given, self._wheelbase_m, self._known_rate)
+        self._history.advance(given.dt_s, rates)
         np.matmul(self._root.T, f.T, out=self._stacked[:STATES])
-        noise_rows(self._settings, given, self._rates, self._stacked[STATES:])
+        noise_rows(self._settings, given, rates, self._stacked[STATES:])
         upper: Array = np.asarray(np.linalg.qr(self._stacked, mode="r"))
         self._root = upper.T
 
@@ -129,7 +135,7 @@ class PoseFilter:
         """Use a bearing to a landmark on the map, unless the gate refuses it."""
         landmark = self._landmarks[seen.landmark_id]
         predicted, gradient = predicted_bearing(
-            self._mean, self._rates, seen, landmark, self._mounting
+            self._mean, self._history.over(seen.age_s), seen, landmark, self._mounting
         )
         residual = math.remainder(seen.bearing_rad - predicted, math.tau)
         row: Array = gradient @ self._root

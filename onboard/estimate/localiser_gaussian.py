@@ -1,8 +1,9 @@
 """The default localiser: a Gaussian filter that can start from nothing and notices when it is lost.
 
 SEARCHING gathers bearings until they tell one pose. CHECKING runs a filter from there and sees
-whether further bearings fit. TRUSTED is what a known start begins with. When most bearings do not
-fit any more the pose is lost, as after the robot was carried elsewhere, and the search begins anew.
+whether further bearings fit and the search, which goes on, finds the same pose again. TRUSTED is
+what a known start begins with. When most bearings do not fit any more the pose is lost, as after
+the robot was carried elsewhere, and the search begins anew.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,9 @@ CHECKED_BEARINGS = 12
 
 CHECKED_SHARE = 0.8
 """... and when no more than the rest do not; with more misfits than fits it is dropped."""
+
+CONFIRMATIONS = 3
+"""So often must the window tell the same pose again, half a second and more apart."""
 
 TRUSTED_HEADING_STD_RAD = 0.2
 
@@ -63,6 +67,7 @@ class GaussianLocaliser:
         self._steering_rad = start_steering_rad
         self._rejected = 0
         self._fitted = self._misfitted = 0
+        self._confirmed = 0
         self._lost_because: str | None = None
         self._since_s: float | None = None
         self._consistency = Consistency()
@@ -104,8 +109,9 @@ class GaussianLocaliser:
         if self._search is not None:
             for seen in known:
                 self._search.add(seen)
+            if self._search.due():
+                self._look_for_pose(self._search)
         if self._filter is None:
-            self._try_to_find()
             return UpdateResult(UpdateOutcome.SEARCHING, unknown)
         fitted = self._use(self._filter, known)
         if self._stage is Stage.CHECKING:
@@ -140,7 +146,8 @@ class GaussianLocaliser:
         else:
             told = (
                 f"pose found, being checked: {self._fitted} bearings fit, "
-                f"{self._misfitted} do not, {CHECKED_BEARINGS} that fit needed; position deviation "
+                f"{self._misfitted} do not, {CHECKED_BEARINGS} that fit needed; told again "
+                f"{self._confirmed} times, {CONFIRMATIONS} needed; position deviation "
                 f"{self._filter.position_std_m:.2f} m, limit {self._settings.trusted_std_m:.2f} m"
             )
         return told if self._lost_because is None else f"{self._lost_because}; {told}"
@@ -158,14 +165,18 @@ class GaussianLocaliser:
         self._rejected += len(known) - fitted
         return fitted
 
-    def _try_to_find(self) -> None:
-        assert self._search is not None, "without a filter there is a search"
-        found = self._search.solve()
+    def _look_for_pose(self, search: PoseSearch) -> None:
+        """Check the pose that the window tells, which is the better one the longer the window."""
+        found = search.solve()
         if found is None:
             return
-        self._stage = Stage.CHECKING
-        self._fitted = self._misfitted = 0
-        self._consistency = Consistency()
+        pose = self._filter
+        if pose is not None and found.agrees(pose.pose, pose.position_std_m):
+            self._confirmed += 1
+        else:
+            self._stage, self._confirmed = Stage.CHECKING, 0
+            self._fitted = self._misfitted = 0
+            self._consistency = Consistency()
         self._filter = PoseFilter.around(*self._car, *found)
 
     def _check(self, pose: PoseFilter) -> None:
@@ -176,7 +187,8 @@ class GaussianLocaliser:
         if self._misfitted > self._fitted:
             self._filter, self._stage = None, Stage.SEARCHING
         elif (
-            self._fitted >= CHECKED_SHARE * seen
+            self._confirmed >= CONFIRMATIONS
+            and self._fitted >= CHECKED_SHARE * seen
             and pose.position_std_m <= self._settings.trusted_std_m
             and pose.heading_std_rad <= TRUSTED_HEADING_STD_RAD
         ):

@@ -180,6 +180,8 @@ class LandmarkMonitor(_Hold):
         if self._look_age_s >= self._look_s - dt_s / 2:
             self._looks.append(Look(self._path, information))
             self._information, self._look_age_s = {}, 0.0
+        if not self._landmarks:
+            return
         if self._advance(dt_s, motion.speed_mps) and self._looks and (at := pose()) is not None:
             self._judge(at)
 

@@ -71,10 +71,11 @@ class Observations:
     """One look at everything that can stop the robot or keep it from arming.
 
     `leader` is None for a robot without one. `bearing_age_s` is the age of the newest bearing
-    that the robot needs (a follower: of its leader), None if there was none. The `*_problem`
-    texts are the devices' own complaints. `frames_dropped` counts what could not be sent in the
-    last cycle, `loop_late_s` is how late this one began, `clock_step_s` how far the wall clock has
-    jumped. `ground_age_s` is the age of the ground station's heartbeat, infinite before the first.
+    that the robot needs (a follower: of its leader), None if there was none, 0 where it needs
+    none. The `*_problem` texts are the devices' own complaints. `frames_dropped` counts what could
+    not be sent in the last cycle, `loop_late_s` is how late this one began, `clock_step_s` how far
+    the wall clock has jumped. `ground_age_s` is the age of the ground station's heartbeat, infinite
+    before the first.
     `estop_by` names who asked for the emergency stop. What the shell does not know is None.
     """
 

@@ -53,6 +53,11 @@ CASES: list[tuple[Spoil, str, str]] = [
         "id 11 is taken by a marker of r1",
     ),
     (drop("landmarks"), "landmarks", "`landmarks` is missing"),
+    (
+        put("robots.r1.localiser.start", "unknown"),
+        "robots.r1.localiser.start",
+        "an unknown pose is found by landmarks and `landmarks` is empty",
+    ),
     (put("defaults.can.channel", "x.sock"), "defaults.can.channel", "has the same channel"),
     (put("defaults.can.channel", "{robto}"), "defaults.can.channel", "placeholder {robto}; known"),
     (

@@ -29,6 +29,13 @@ def test_with_one_landmark_in_view_the_leader_refuses_to_arm_and_names_what_is_l
     assert "heading about landmark 101" in reply.reason
 
 
+def test_with_an_empty_map_the_leader_drives_by_odometry_alone() -> None:
+    with Lockstep(_leader_alone([]), 1) as lockstep:
+        lockstep.start_mission()
+        lockstep.run_for(6.0)
+        assert lockstep.statuses["r1"].state == "RUNNING"
+
+
 def test_driving_on_with_a_single_landmark_ends_in_a_controlled_stop_with_the_reason() -> None:
     with Lockstep(_leader_alone([*NEAR, *FAR[::2]]), 1) as lockstep:
         lockstep.start_mission()
