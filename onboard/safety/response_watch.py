@@ -14,7 +14,7 @@ from onboard.canbus.drive.driver import MotorFeedback
 from onboard.control.steering import WheelSetpoint
 from onboard.safety.observations import Response
 
-WINDOW_S = 0.3
+WINDOW_S = 0.2
 WAY_WINDOW_S = 0.1
 """The speed from the way is a mean over so long, at least."""
 

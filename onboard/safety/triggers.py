@@ -239,11 +239,11 @@ TRIGGERS: tuple[Trigger, ...] = (
     ),
     Trigger("steering_disagreement", "steering drive against encoder", _disagreement),
     Trigger(
-        "drive_response", "wheel speed against its setpoints of 0.3 s", _drive_response, fault=True
+        "drive_response", "wheel speed against its setpoints of 0.2 s", _drive_response, fault=True
     ),
     Trigger(
         "steering_response",
-        "steering angle against its setpoints of 0.3 s",
+        "steering angle against its setpoints of 0.2 s",
         _steering_response,
     ),
     Trigger("leader_stale", "age of the leader's newest message", _leader_stale, False),

@@ -32,7 +32,7 @@ def main() -> int:
 
 def _single(options: argparse.Namespace) -> int:
     cases = [c for c in single.matrix() if any(part in c.key for part in options.only)]
-    with Journal(FOLDER / f"single-{options.seed}.jsonl", options.fresh) as journal:
+    with Journal(FOLDER / f"single-{options.seed}.jsonl", "single.py", options.fresh) as journal:
         missing = [case for case in cases if case.key not in journal.done]
         for key, result in _shown(single.run(missing, options.seed, options.jobs), len(missing)):
             journal.add(key, result)
@@ -46,7 +46,7 @@ def _single(options: argparse.Namespace) -> int:
 
 def _double(options: argparse.Namespace) -> int:
     pairs = double.pairs(range(1, options.runs + 1))
-    with Journal(FOLDER / "double.jsonl", options.fresh) as journal:
+    with Journal(FOLDER / "double.jsonl", "double.py", options.fresh) as journal:
         missing = [pair for pair in pairs if pair.key not in journal.done]
         for key, result in _shown(double.run(missing, options.jobs), len(missing)):
             journal.add(key, result)
@@ -57,9 +57,9 @@ def _double(options: argparse.Namespace) -> int:
 
 def _docs(options: argparse.Namespace) -> int:
     """Write the page from finished runs; nothing is run."""
-    with Journal(FOLDER / f"single-{options.seed}.jsonl") as journal:
+    with Journal(FOLDER / f"single-{options.seed}.jsonl", "single.py") as journal:
         cases = [case for case in single.matrix() if case.key in journal.done]
-    with Journal(FOLDER / "double.jsonl") as doubles:
+    with Journal(FOLDER / "double.jsonl", "double.py") as doubles:
         pairs = [double.drawn(int(key)) for key in doubles.done]
     done = report.runs((case, _outcome(journal, case.key)) for case in cases)
     report.written(

@@ -13,7 +13,7 @@ import msgspec
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "campaign"
 _SOURCES = ("config", "onboard", "sim_hw", "tests/campaign")
-_SCENARIO = ("witness.py", "trial.py", "scenario.py", "double.py")
+_SCENARIO = ("witness.py", "trial.py", "scenario.py")
 
 
 class _Head(msgspec.Struct):
@@ -26,13 +26,15 @@ class _Line(msgspec.Struct):
 
 
 class Journal:
-    """One file of results by key; `done` holds those that are already there."""
+    """One file of results by key; `done` holds those that are already there.
 
-    def __init__(self, path: Path, fresh: bool = False) -> None:
-        self._path = path
-        self.done: dict[str, bytes] = {} if fresh else _read(path)
+    `script` is the file of this folder that says what is run.
+    """
+
+    def __init__(self, path: Path, script: str, fresh: bool = False) -> None:
+        head = msgspec.json.encode(_Head(fingerprint(script)))
+        self.done: dict[str, bytes] = {} if fresh else _read(path, head)
         path.parent.mkdir(parents=True, exist_ok=True)
-        head = msgspec.json.encode(_Head(fingerprint()))
         lines = [msgspec.json.encode(_Line(k, msgspec.Raw(v))) for k, v in self.done.items()]
         path.write_bytes(b"\n".join([head, *lines, b""]))
         self._file = path.open("ab")
@@ -55,12 +57,12 @@ class Journal:
         self._file.flush()
 
 
-def _read(path: Path) -> dict[str, bytes]:
+def _read(path: Path, expected: bytes) -> dict[str, bytes]:
     """What a file holds of this program's results; a line that was cut off is left out."""
     if not path.exists():
         return {}
     head, *lines = path.read_bytes().splitlines() or [b""]
-    if _parsed(head, _Head) != _Head(fingerprint()):
+    if head != expected:
         return {}
     read = (_parsed(line, _Line) for line in lines)
     return {line.key: bytes(line.result) for line in read if line is not None}
@@ -73,12 +75,12 @@ def _parsed(line: bytes, kind: type[Any]) -> Any:
         return None
 
 
-def fingerprint() -> str:
+def fingerprint(script: str) -> str:
     """Of everything that a run depends on; how runs are judged and shown is not."""
     digest = hashlib.sha256()
     files = [f for folder in _SOURCES for f in sorted((ROOT / folder).rglob("*")) if f.is_file()]
     for file in [*files, ROOT / "groundstation" / "lockstep.py"]:
-        judges = file.parent.name == "campaign" and file.name not in _SCENARIO
+        judges = file.parent.name == "campaign" and file.name not in (*_SCENARIO, script)
         if file.suffix in (".py", ".yaml", ".dbc") and not judges:
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

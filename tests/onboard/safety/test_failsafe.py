@@ -132,7 +132,7 @@ ROWS: list[tuple[str, dict[str, Any], float, Action, str]] = [
     (
         "drive_response",
         {"speed_response": Response(1.3, 0.9, 1.0)},
-        0.2,
+        0.1,
         FAULT_STOP,
         "drive: the wheel turns at 1.30 m/s, asked for were 0.90 to 1.00 m/s, "
         "limit 0.20 m/s beyond",
@@ -140,7 +140,7 @@ ROWS: list[tuple[str, dict[str, Any], float, Action, str]] = [
     (
         "steering_response",
         {"steering_response": Response(-0.11, 0.0, 0.1)},
-        0.2,
+        0.1,
         STOP,
         "steering: the fork is at -0.110 rad, asked for were 0.000 to 0.100 rad, "
         "limit 0.100 rad beyond",

@@ -43,8 +43,8 @@ class Bench:
         return self.watch.speed(told)
 
 
-def test_a_lag_of_a_tenth_of_a_second_is_no_error_in_ramps_and_swings() -> None:
-    bench = Bench(lag_s=0.1)
+def test_a_lag_of_six_hundredths_is_no_error_in_ramps_and_swings() -> None:
+    bench = Bench(lag_s=0.06)
     for tick in range(600):
         t_s = tick * PERIOD_S
         bench.cycle(min(2.0 * t_s, 1.0) if t_s < 3.0 else max(0.0, 1.0 - 4.0 * (t_s - 3.0)), 0.0)
@@ -62,7 +62,7 @@ def test_a_wheel_that_does_not_turn_shows_once_the_setpoints_have_risen() -> Non
         bench.cycle(min(2.0 * tick * PERIOD_S, 1.0), 0.0)
         if found_s is None and beyond(bench.wheel(scale=0.0)) > 0.2:
             found_s = tick * PERIOD_S
-    assert found_s == pytest.approx(0.1 + 0.3, abs=0.02)
+    assert found_s == pytest.approx(0.1 + 0.2, abs=0.02)
 
 
 def test_a_speed_reported_too_high_shows_by_its_error() -> None:
