@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.installed
 
-.PHONY: demo test lint types check acceptance clean setup
+.PHONY: demo test lint types check acceptance campaign clean setup
 
 demo: setup
 	$(BIN)/echelon demo $(ARGS)
@@ -32,6 +32,12 @@ $(READY): pyproject.toml constraints.txt
 # Every shipped fleet, both laws, 20 seeds in lockstep: about 15 minutes on two cores.
 acceptance: setup
 	$(BIN)/python -m tests.acceptance $(ARGS)
+
+# Every fault of every device, then 500 random pairs: docs/campaign.md. Interrupted, it goes on.
+campaign: setup
+	$(BIN)/python -m tests.campaign single
+	$(BIN)/python -m tests.campaign double
+	$(BIN)/python -m tests.campaign docs
 
 clean:
 	rm -rf .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -64,6 +64,12 @@ class AngleLimit(Reaction):
     limit_rad: Positive
 
 
+class SpeedLimit(Reaction):
+    """How far a wheel's speed may be from what its setpoints have asked for lately."""
+
+    limit_mps: Positive
+
+
 class ClockLimit(Reaction):
     """A jump of the wall clock against the monotonic one."""
 
@@ -98,6 +104,7 @@ class Failsafe(Section):
 
     bearings_stale: Reaction = _row(0.3, "stop")
     bearing_sensor_lost: Reaction = _row(0.0, "stop")
+    bearings_repeat: Reaction = _row(0.3, "stop")
     mutual_bearing_lost: Reaction = _row(1.0, "warn")
     leader_stale: Reaction = _row(0.2, "stop")
     leader_unfit: Reaction = _row(0.0, "stop")
@@ -115,6 +122,8 @@ class Failsafe(Section):
     encoder_stale: Halting = _halt(0.05, "stop")
     encoder_error: Halting = _halt(0.0, "stop")
     steering_disagreement: AngleLimit = AngleLimit(limit_rad=0.15, after_s=0.0, action="stop")
+    drive_response: SpeedLimit = SpeedLimit(limit_mps=0.2, after_s=0.1, action="stop")
+    steering_response: AngleLimit = AngleLimit(limit_rad=0.1, after_s=0.1, action="stop")
     bus_passive: Reaction = _row(0.0, "stop")
     bus_off: Halting = _halt(0.0, "idle")
     send_queue_full: Reaction = _row(0.1, "stop")

@@ -10,6 +10,7 @@ from onboard.control.formation import desired_velocity
 from onboard.control.steering import WheelController, WheelSetpoint
 from onboard.estimate.beliefs import Innovation, RelativeFilter, RelativePrior
 from onboard.estimate.factory import make_relative_filter
+from onboard.estimate.misfit_watch import MisfitWatch
 from onboard.estimate.nis_watch import NisWatch
 from onboard.estimate.observability_monitor import RangeMonitor
 from onboard.model.vehicle import WheelMotion
@@ -47,6 +48,7 @@ class Follower:
         self._nis = 0.0
         self.observability = RangeMonitor(self._robot, self._leader, self._leader_name)
         self._nis_watch = NisWatch()
+        self._own_misfits, self._mutual_misfits = _misfit_watches(self._leader_name)
         self._range_watch = RangeWatch(self._robot, self._leader_name, self._offset)
 
     def hear(self, motion: Motion) -> None:
@@ -71,6 +73,7 @@ class Follower:
         if self._filter is None or (not self._driving and self._lost() is not None):
             self._filter = self._new_filter()
             self._nis_watch = NisWatch()
+            self._own_misfits, self._mutual_misfits = _misfit_watches(self._leader_name)
         self._filter.predict(
             dt_s,
             WheelMotion(odometry.speed_mps, odometry.steering_rad),
@@ -79,20 +82,20 @@ class Follower:
         for seen in observations:
             marker = self._leader_markers.get(seen.marker)
             if marker is not None:
-                self._count(
-                    self._filter.update_leader_marker(
-                        seen.body_rad, seen.std_rad, marker, seen.age_s
-                    )
+                innovation = self._filter.update_leader_marker(
+                    seen.body_rad, seen.std_rad, marker, seen.age_s
                 )
+                self._count(innovation, self._own_misfits)
         self._use_sightings(self._filter, at)
         self.observability.observe(dt_s, odometry, self._leader_wheel, self._filter.estimate)
         if self._driving:
             belief, told = self._filter.estimate(), self._filter.range_told
             self._range_watch.look(dt_s, belief, told, odometry.speed_mps)
 
-    def _count(self, innovation: Innovation) -> None:
+    def _count(self, innovation: Innovation, misfits: MisfitWatch) -> None:
         self._nis = innovation.nis
         self._nis_watch.add(innovation)
+        misfits.add(innovation.accepted)
 
     def _new_filter(self) -> RelativeFilter:
         return make_relative_filter(
@@ -107,7 +110,8 @@ class Follower:
         for seen, age_s in self._sightings.take(at.wall_s):
             marker = self._own_markers.get(seen.marker)
             if marker is not None:
-                self._count(estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, age_s))
+                innovation = estimator.update_mutual(seen.bearing_rad, seen.std_rad, marker, age_s)
+                self._count(innovation, self._mutual_misfits)
                 self._mutual_s = at.now_s
 
     def start(self, steering_rad: float) -> None:
@@ -173,7 +177,7 @@ class Follower:
         """The leader is lost, or the range or the filter's own claims are not to be trusted."""
         watch, mutual_s = self._range_watch, self._mutual_s
         return EstimateSeen(
-            lost=self._lost(),
+            lost=self._lost() or self._misfit(),
             unobservable=self.observability.problem(),
             nis=self._nis_watch.problem(),
             range_uncertain=watch.uncertain if self._driving else None,
@@ -195,6 +199,10 @@ class Follower:
             f"limit {LOST_AFTER_REJECTIONS}"
         )
 
+    def _misfit(self) -> str | None:
+        """One source of bearings contradicts the rest."""
+        return self._own_misfits.problem() or self._mutual_misfits.problem()
+
     def not_ready(self) -> list[str]:
         """The range must be known before the robot may move."""
         if self._filter is None:
@@ -207,7 +215,11 @@ class Follower:
                 f"range to {self._leader_name} not settled: "
                 f"standard deviation {belief.range_std_m:.3f} m, limit {limit_m:.3f} m{cause}"
             ]
-        problems = self._range_watch.too_near(belief), self._nis_watch.problem()
+        problems = (
+            self._range_watch.too_near(belief),
+            self._nis_watch.problem(),
+            self._misfit(),
+        )
         return [problem for problem in problems if problem is not None]
 
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
@@ -235,6 +247,11 @@ class Follower:
             range_state=self._range_watch.state,
             range_reason=self._range_watch.reason,
         )
+
+
+def _misfit_watches(leader: str) -> tuple[MisfitWatch, MisfitWatch]:
+    """For what the robot sees of its leader, and for what that sees of the robot."""
+    return MisfitWatch(f"bearings to {leader}"), MisfitWatch(f"bearings from {leader}")
 
 
 def expected_start(robot: Robot, leader: Robot) -> RelativePrior:

@@ -19,7 +19,8 @@ from onboard.canbus.safety_node import SafetyNode
 from onboard.canbus.steering_encoder import SteeringEncoder
 from onboard.control.steering import WheelSetpoint
 from onboard.role import Observation, Odometry
-from onboard.safety.observations import DriveSeen
+from onboard.safety.observations import DriveSeen, Response
+from onboard.safety.response_watch import ResponseWatch
 
 
 class Hardware:
@@ -54,6 +55,8 @@ class Hardware:
         self._assumed_std_rad = robot.bearing_sensor.std_rad
         self._steering_rad: float | None = None
         self._rate_radps = 0.0
+        self._setpoint: WheelSetpoint | None = None
+        self._responses = ResponseWatch()
         self.looks = 0
 
     @property
@@ -113,8 +116,22 @@ class Hardware:
         """
         return None if self._steering_rad is None else self.steering.difference(self._steering_rad)
 
+    @property
+    def speed_mps(self) -> float:
+        """Of the wheel, as its drive has reported it last; 0 before."""
+        return self.drive.feedback.velocity or 0.0
+
+    def speed_response(self) -> Response | None:
+        """Wheel speed against its setpoints; call it once per cycle."""
+        return self._responses.speed(self.drive.feedback)
+
+    def steering_response(self) -> Response | None:
+        """Steering angle against its setpoints."""
+        return self._responses.angle(self.steering.feedback, self._steering_rad)
+
     def command(self, setpoint: WheelSetpoint) -> None:
         """Setpoints of this cycle."""
+        self._setpoint = setpoint
         self.steering.command(setpoint.steering_rad)
         self.drive.command(setpoint.speed_mps)
 
@@ -146,6 +163,8 @@ class Hardware:
 
     def frames(self, now_s: float, state: HostState, estop: EstopSource) -> list[Frame]:
         """Everything to send in this cycle, most urgent first."""
+        self._responses.ask(now_s, self._setpoint, self.active)
+        self._setpoint = None
         return [
             *self._host.tick(now_s, state, estop),
             *self.steering.tick(now_s),

@@ -8,6 +8,7 @@ from onboard.hardware import Hardware, drive_seen
 from onboard.role import Observation, Role, Stamp
 from onboard.safety.clock_watch import ClockWatch
 from onboard.safety.observations import LeaderSeen, Observations
+from onboard.safety.repeat_watch import RepeatWatch
 from onboard.safety.states import State
 from onboard.step import Inputs
 
@@ -23,6 +24,7 @@ class Lookout:
         self._role, self._hardware = role, hardware
         self._leader_name = settings.leader
         self._clock = ClockWatch(settings.failsafe.clock_step.limit_s)
+        self._repeats = RepeatWatch()
         self._bearing_s: float | None = None
         self._looks_s: deque[float] = deque()
         self._first_s: float | None = None
@@ -49,6 +51,7 @@ class Lookout:
             bearing_age_s=self._bearing_age_s(now_s, observations),
             bearing_problem=hardware.sensor.problem(now_s),
             bearing_rate_hz=self._bearing_rate_hz(now_s),
+            bearings_repeat_s=self._repeats.look(now_s, observations, hardware.speed_mps),
             estimate=self._role.estimate_seen(at),
             drive=drive_seen(hardware.drive, now_s),
             steering=drive_seen(hardware.steering, now_s),
@@ -56,6 +59,8 @@ class Lookout:
             encoder_problem=hardware.encoder.complaint,
             steering_rad=hardware.encoder.angle_rad,
             disagreement_rad=hardware.steering_disagreement_rad() if state in POWERED else None,
+            speed_response=hardware.speed_response(),
+            steering_response=hardware.steering_response(),
             bus_state=BusState(inputs.bus.state),
             bus_reason=inputs.bus.reason,
             bus_load=inputs.bus.load,

@@ -126,16 +126,24 @@ class BearingSensor:
     def _capture(self, t_s: float, own: Vehicle, others: Iterable[MarkedVehicle]) -> _Capture:
         targets = self._in_sight(own, others)
         targets.sort()
-        if self.faults.any:
-            targets = self._seen_with_faults(targets)
-        self._last_targets = targets
+        truncated = len(targets) > MAX_TARGETS
+        measured = self._measured(targets[:MAX_TARGETS])
+        if self.faults.any and self.faults.has("stuck"):
+            measured = self._last_targets
+        self._last_targets = measured
+        if self.faults.any and self.faults.has("blind"):
+            measured = []
         self._number = (self._number + 1) & 0xFF
-        return _Capture(t_s, self._number, len(targets) > MAX_TARGETS, targets[:MAX_TARGETS])
+        return _Capture(t_s, self._number, truncated, measured)
 
-    def _seen_with_faults(self, targets: list[_Target]) -> list[_Target]:
-        if self.faults.has("blind"):
-            return []
-        return self._last_targets if self.faults.has("stuck") else targets
+    def _measured(self, targets: list[_Target]) -> list[_Target]:
+        """The same targets where the sensor takes them to be."""
+        noise = self._rng.standard_normal(len(targets)).tolist()
+        std_rad, bias_rad = self._errors.std_rad, self._errors.bias_rad
+        return [
+            target._replace(bearing_rad=target.bearing_rad + bias_rad + std_rad * deviation)
+            for target, deviation in zip(targets, noise, strict=True)
+        ]
 
     def _in_sight(self, own: Vehicle, others: Iterable[MarkedVehicle]) -> list[_Target]:
         axis_rad = own.heading_rad + self._config.yaw_rad
@@ -185,11 +193,9 @@ class BearingSensor:
             capture_time=self._clock.read_ms(capture.captured_s),
         )
         frames = [self._frame.frame(sent_s, header)]
-        noise = self._rng.standard_normal(len(capture.targets)).tolist()
-        std_rad, bias_rad = self._errors.std_rad, self._errors.bias_rad
-        told_rad = max(std_rad, _LEAST_STD_RAD)
-        for slot, (target, deviation) in enumerate(zip(capture.targets, noise, strict=True)):
-            bearing_rad = target.bearing_rad + bias_rad + std_rad * deviation
+        told_rad = max(self._errors.std_rad, _LEAST_STD_RAD)
+        for slot, target in enumerate(capture.targets):
+            bearing_rad = target.bearing_rad
             if self.faults.any and not self.faults.has("stuck"):
                 (bearing_rad,) = self.faults.distort((bearing_rad,))
             bearing_rad = wrap(bearing_rad)

@@ -12,12 +12,14 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from typing import Literal, NamedTuple
 
+import msgspec
+
 from config.fleet import Fleet
 from config.loader import load_fleet, shipped_fleet_path, shipped_fleets
+from config.messages import Status, Truth
 from groundstation.evaluate import evaluate
 from groundstation.lockstep import run_lockstep
 from groundstation.series import gather
-from groundstation.summary import Summary
 
 Law = Literal["leader_frame", "polar"]
 LAWS: tuple[Law, ...] = ("leader_frame", "polar")
@@ -25,6 +27,7 @@ POSITION_RMS_M = 0.03
 RANGE_RMS_M = 0.03
 BEARING_RMS_RAD = 0.06
 LEADER_RMSE_M = 0.09
+STANDING_MPS = 0.02
 
 
 class Row(NamedTuple):
@@ -52,17 +55,12 @@ def with_law(fleet: Fleet, law: Law) -> Fleet:
     return fleet.model_copy(update={"robots": robots})
 
 
-def lockstep_summary(fleet: Fleet, seed: int) -> Summary:
-    """Drive the mission in virtual time and judge it against truth."""
-    messages: list[tuple[str, bytes]] = []
-    run_lockstep(fleet, seed, lambda key, body, _: messages.append((key, body)))
-    return evaluate(fleet, gather(messages), mode="lockstep", seed=seed, recording="")
-
-
 def judge(name: str, law: Law, seed: int) -> Row:
     """One run against the bars of the project."""
     fleet = with_law(load_fleet(shipped_fleet_path(name)).fleet, law)
-    summary = lockstep_summary(fleet, seed)
+    messages: list[tuple[str, bytes]] = []
+    run_lockstep(fleet, seed, lambda key, body, _: messages.append((key, body)))
+    summary = evaluate(fleet, gather(messages), mode="lockstep", seed=seed, recording="")
     followers = summary.followers.values()
     row = Row(
         name,
@@ -75,7 +73,24 @@ def judge(name: str, law: Law, seed: int) -> Row:
         summary.min_distance_m or 0.0,
         [],
     )
-    return row._replace(problems=[*_missed(row), *(f.reason for f in summary.faults)])
+    faults = (fault.reason for fault in summary.faults)
+    return row._replace(problems=[*_missed(row), *faults, *_unclean(messages)])
+
+
+def _unclean(messages: list[tuple[str, bytes]]) -> Iterable[str]:
+    """Frames that were blocked or lost, and robots that do not stand in the end, by truth."""
+    for body in {key: body for key, body in messages if key.endswith("/status")}.values():
+        status = msgspec.json.decode(body, type=Status)
+        bus = status.bus
+        if status.blocked_frames or bus.send_failures or bus.error_frames:
+            yield (
+                f"{status.robot}: {status.blocked_frames} frames blocked, {bus.send_failures} not "
+                f"sent, {bus.error_frames} in error"
+            )
+    for body in {key: body for key, body in messages if key.startswith("truth/")}.values():
+        truth = msgspec.json.decode(body, type=Truth)
+        if abs(truth.speed_mps) > STANDING_MPS:
+            yield f"{truth.robot}: {truth.speed_mps:.3f} m/s in the end"
 
 
 def _missed(row: Row) -> Iterable[str]:

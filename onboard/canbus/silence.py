@@ -2,7 +2,7 @@
 
 import math
 
-_ROUNDING_S = 1e-6
+ROUNDING_S = 1e-6
 
 
 def overdue(message: str, age_s: float | None, limit_s: float) -> str | None:
@@ -12,9 +12,9 @@ def overdue(message: str, age_s: float | None, limit_s: float) -> str | None:
     """
     if age_s is None:
         return f"no {message} yet"
-    if age_s <= limit_s + _ROUNDING_S:
+    if age_s <= limit_s + ROUNDING_S:
         return None
-    shown_s = math.ceil((age_s - _ROUNDING_S) * 100) / 100 if math.isfinite(age_s) else age_s
+    shown_s = math.ceil((age_s - ROUNDING_S) * 100) / 100 if math.isfinite(age_s) else age_s
     return f"no {message} for {shown_s:.2f} s, limit {limit_s:.2f} s"
 
 

@@ -1,6 +1,7 @@
 """What the safety checks look at: ages and health, gathered once per cycle by the robot's step."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from onboard.canbus.drive.driver import MotorState
 from onboard.canbus.port import BusState
@@ -41,6 +42,19 @@ class DriveSeen:
     firmware: str | None = None
 
 
+class Response(NamedTuple):
+    """What a joint does, and the least and the most that its setpoints have asked for lately."""
+
+    measured: float
+    least: float
+    most: float
+
+    @property
+    def beyond(self) -> float:
+        """How far outside what was asked for."""
+        return max(self.least - self.measured, self.measured - self.most, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class EstimateSeen:
     """What is wrong with the estimate, in words, by kind; None where nothing is.
@@ -72,11 +86,12 @@ class Observations:
 
     `leader` is None for a robot without one. `bearing_age_s` is the age of the newest bearing
     that the robot needs (a follower: of its leader), None if there was none, 0 where it needs
-    none. The `*_problem` texts are the devices' own complaints. `frames_dropped` counts what could
-    not be sent in the last cycle, `loop_late_s` is how late this one began, `clock_step_s` how far
-    the wall clock has jumped. `ground_age_s` is the age of the ground station's heartbeat, infinite
-    before the first.
-    `estop_by` names who asked for the emergency stop. What the shell does not know is None.
+    none; `bearings_repeat_s` is for how long all bearings have been the very same. The `*_problem` texts are the devices' own
+    complaints, the responses are None where no setpoint was sent. `frames_dropped` counts what
+    could not be sent in the last cycle, `loop_late_s` is how late this one began, `clock_step_s`
+    how far the wall clock has jumped. `ground_age_s` is the age of the ground station's heartbeat,
+    infinite before the first. `estop_by` names who asked for the emergency stop. What the shell
+    does not know is None.
     """
 
     state: State
@@ -84,6 +99,7 @@ class Observations:
     bearing_age_s: float | None
     bearing_problem: str | None
     bearing_rate_hz: float | None
+    bearings_repeat_s: float
     estimate: EstimateSeen
     drive: DriveSeen
     steering: DriveSeen
@@ -91,6 +107,8 @@ class Observations:
     encoder_problem: str | None
     steering_rad: float | None
     disagreement_rad: float | None
+    speed_response: Response | None
+    steering_response: Response | None
     bus_state: BusState
     bus_reason: str
     bus_load: float

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from config.failsafe import Failsafe
 from onboard.canbus.drive.driver import MotorState
 from onboard.canbus.port import BusState
-from onboard.canbus.silence import silence
+from onboard.canbus.silence import ROUNDING_S, silence
 from onboard.safety.observations import DriveSeen, Observations
 from onboard.safety.states import State
 
@@ -106,11 +106,41 @@ def _encoder_stale(seen: Observations, table: Failsafe) -> str | None:
 
 def _disagreement(seen: Observations, table: Failsafe) -> str | None:
     limit_rad = table.steering_disagreement.limit_rad
-    if seen.disagreement_rad is None or abs(seen.disagreement_rad) <= limit_rad:
+    if seen.disagreement_rad is None or not abs(seen.disagreement_rad) > limit_rad:
         return None
     return (
         f"steering drive and encoder disagree by {abs(seen.disagreement_rad):.3f} rad, "
         f"limit {limit_rad:.3f} rad"
+    )
+
+
+def _drive_response(seen: Observations, table: Failsafe) -> str | None:
+    limit_mps, wheel = table.drive_response.limit_mps, seen.speed_response
+    if wheel is None or wheel.beyond <= limit_mps:
+        return None
+    return (
+        f"drive: the wheel turns at {wheel.measured:.2f} m/s, asked for were {wheel.least:.2f} to "
+        f"{wheel.most:.2f} m/s, limit {limit_mps:.2f} m/s beyond"
+    )
+
+
+def _steering_response(seen: Observations, table: Failsafe) -> str | None:
+    limit_rad, fork = table.steering_response.limit_rad, seen.steering_response
+    if fork is None or fork.beyond <= limit_rad:
+        return None
+    return (
+        f"steering: the fork is at {fork.measured:.3f} rad, asked for were {fork.least:.3f} to "
+        f"{fork.most:.3f} rad, limit {limit_rad:.3f} rad beyond"
+    )
+
+
+def _bearings_repeat(seen: Observations, table: Failsafe) -> str | None:
+    limit_s = table.bearings_repeat.after_s
+    if seen.bearings_repeat_s <= limit_s + ROUNDING_S:
+        return None
+    return (
+        f"bearing sensor: the very same bearings for {seen.bearings_repeat_s:.2f} s, "
+        f"limit {limit_s:.2f} s"
     )
 
 
@@ -208,12 +238,26 @@ TRIGGERS: tuple[Trigger, ...] = (
         lambda seen, _table: seen.encoder_problem,
     ),
     Trigger("steering_disagreement", "steering drive against encoder", _disagreement),
+    Trigger(
+        "drive_response", "wheel speed against its setpoints of 0.2 s", _drive_response, fault=True
+    ),
+    Trigger(
+        "steering_response",
+        "steering angle against its setpoints of 0.2 s",
+        _steering_response,
+    ),
     Trigger("leader_stale", "age of the leader's newest message", _leader_stale, False),
     Trigger("leader_unfit", "the leader does not know its motion, or has given up", _leader_unfit),
     Trigger(
         "bearing_sensor_lost",
         "the bearing sensor is silent, or in fault",
         lambda seen, _table: seen.bearing_problem,
+    ),
+    Trigger(
+        "bearings_repeat",
+        "how long the sensor has given the very same bearings while driving",
+        _bearings_repeat,
+        False,
     ),
     Trigger("bearings_stale", "age of the last bearing that is needed", _bearings_stale, False),
     Trigger(

@@ -1,11 +1,12 @@
 """Shipped fleets, shortened where a test needs only a stretch of the mission."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 from config.fleet import Fleet, Segment
 from config.loader import load_fleet, shipped_fleet_path
-from groundstation.lockstep import Lockstep
+from groundstation.lockstep import Lockstep, Record
+from tests.hil.clean import assert_ends_well
 
 
 def shipped(name: str) -> Fleet:
@@ -23,14 +24,21 @@ def straight(name: str, duration_s: float) -> Fleet:
 
 
 @contextmanager
-def driving(fleet: Fleet, seed: int = 1, for_s: float = 3.0) -> Iterator[Lockstep]:
-    """A fleet that has been on its mission for `for_s`."""
-    with Lockstep(fleet, seed) as lockstep:
+def powered_up(
+    fleet: Fleet, seed: int = 1, record: Record | None = None, broken: Collection[str] = ()
+) -> Iterator[Lockstep]:
+    """A fleet; in the end it has to stand, all but the `broken` robots without any fault."""
+    with Lockstep(fleet, seed, record) as lockstep:
+        yield lockstep
+        assert_ends_well(lockstep, broken)
+
+
+@contextmanager
+def driving(
+    fleet: Fleet, seed: int = 1, for_s: float = 3.0, broken: Collection[str] = ()
+) -> Iterator[Lockstep]:
+    """The same, after `for_s` on its mission."""
+    with powered_up(fleet, seed, broken=broken) as lockstep:
         lockstep.start_mission()
         lockstep.run_for(for_s)
         yield lockstep
-
-
-def standing(lockstep: Lockstep, name: str) -> bool:
-    """Whether the robot truly stands, whatever it believes."""
-    return abs(lockstep.simulation.robots[name].truth.speed_mps) < 0.02

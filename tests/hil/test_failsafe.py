@@ -8,7 +8,8 @@ from config.failsafe import Failsafe
 from config.faults import Fault
 from config.fleet import Arming, Fleet
 from groundstation.lockstep import Lockstep
-from tests.hil.fleets import driving, standing, straight
+from tests.hil.clean import standing
+from tests.hil.fleets import driving, powered_up, straight
 
 DEMO = straight("demo", 60.0)
 
@@ -82,7 +83,7 @@ def test_a_process_that_is_being_ended_ramps_down_and_ends() -> None:
 
 
 def test_a_lost_adapter_comes_back_but_motion_does_not_without_the_operator() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r2"]) as lockstep:
         fault = Fault(robot="r2", device="bus", kind="adapter_lost", for_s=1.0)
         lockstep.simulation.inject(fault)
         assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
@@ -100,7 +101,7 @@ def test_a_lost_adapter_comes_back_but_motion_does_not_without_the_operator() ->
 def test_a_check_is_overridden_only_where_the_fleet_file_allows_and_it_is_recorded() -> None:
     too_fast = Arming(min_sensor_rate_fraction=1.0, max_bus_load=0.05)
     recorded: list[bytes] = []
-    with Lockstep(with_arming(too_fast), 1) as lockstep:
+    with powered_up(with_arming(too_fast), 1) as lockstep:
         lockstep.run_for(3.0)
         reply = lockstep.command("r1", "arm", ["bus_load"])
         assert not reply.accepted
@@ -111,7 +112,7 @@ def test_a_check_is_overridden_only_where_the_fleet_file_allows_and_it_is_record
         if key.endswith("r1/event"):
             recorded.append(body)
 
-    with Lockstep(with_arming(allowed), 1, record) as lockstep:
+    with powered_up(with_arming(allowed), 1, record) as lockstep:
         lockstep.run_for(3.0)
         reply = lockstep.command("r1", "arm")
         assert not reply.accepted

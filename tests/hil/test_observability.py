@@ -1,8 +1,8 @@
 """A leader that loses its landmarks: refused before it moves, stopped when it moves on."""
 
 from config.fleet import Fleet, Marker
-from groundstation.lockstep import Lockstep
-from tests.hil.fleets import standing, straight
+from tests.hil.clean import standing
+from tests.hil.fleets import powered_up, straight
 
 NEAR = [(-2.0, -2.0), (-2.0, 2.0), (2.0, -2.0)]
 FAR = [(5.0, 1.0), (9.0, 5.0), (12.0, 8.0), (16.0, 12.0)]
@@ -22,7 +22,7 @@ def _leader_alone(places: list[tuple[float, float]]) -> Fleet:
 
 
 def test_with_one_landmark_in_view_the_leader_refuses_to_arm_and_names_what_is_lost() -> None:
-    with Lockstep(_leader_alone(NEAR[:1]), 1) as lockstep:
+    with powered_up(_leader_alone(NEAR[:1]), 1) as lockstep:
         lockstep.run_for(1.0)
         reply = lockstep.command("r1", "arm")
     assert not reply.accepted
@@ -37,7 +37,7 @@ def test_with_an_empty_map_the_leader_drives_by_odometry_alone() -> None:
 
 
 def test_driving_on_with_a_single_landmark_ends_in_a_controlled_stop_with_the_reason() -> None:
-    with Lockstep(_leader_alone([*NEAR, *FAR[::2]]), 1) as lockstep:
+    with powered_up(_leader_alone([*NEAR, *FAR[::2]]), 1) as lockstep:
         lockstep.start_mission()
         assert lockstep.run_until(lambda: lockstep.at_rest, 30.0)
         assert lockstep.statuses["r1"].state == "STANDBY"

@@ -7,15 +7,16 @@ import pytest
 
 from config.can.odrive import AxisError
 from config.faults import Fault
-from groundstation.lockstep import AT_REST, Lockstep
-from tests.hil.fleets import driving, shipped, standing, straight
+from groundstation.lockstep import AT_REST
+from tests.hil.clean import standing
+from tests.hil.fleets import driving, powered_up, shipped, straight
 
 DEMO = straight("demo", 60.0)
 FOLLOWERS = ("r2", "r3")
 
 
 def test_a_killed_leader_stops_every_follower_within_a_second() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r1"]) as lockstep:
         lockstep.stations["r1"].running = False
         assert lockstep.run_until(lambda: all(standing(lockstep, n) for n in FOLLOWERS), 1.0)
         assert lockstep.run_until(lambda: lockstep.at_rest, 1.0)
@@ -24,7 +25,7 @@ def test_a_killed_leader_stops_every_follower_within_a_second() -> None:
 
 
 def test_the_drives_own_watchdog_stops_a_robot_whose_process_is_killed() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r1"]) as lockstep:
         lockstep.stations["r1"].running = False
         assert lockstep.run_until(lambda: standing(lockstep, "r1"), 1.5)
         assert lockstep.simulation.robots["r1"].drive.axis.active_errors & (
@@ -33,7 +34,7 @@ def test_the_drives_own_watchdog_stops_a_robot_whose_process_is_killed() -> None
 
 
 def test_an_encoder_that_contradicts_the_steering_drive_stops_the_robot() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r2"]) as lockstep:
         lockstep.simulation.inject(Fault(robot="r2", device="encoder", kind="wrong", value=0.3))
         assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
         assert "steering drive and encoder disagree" in lockstep.statuses["r2"].reason
@@ -55,7 +56,7 @@ def test_an_encoder_that_contradicts_the_steering_drive_stops_the_robot() -> Non
 def test_a_broken_device_stops_its_robot_and_those_behind(
     device: str, kind: str, reason: str, state: str
 ) -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r2"]) as lockstep:
         lockstep.simulation.inject(Fault(robot="r2", device=device, kind=kind))
         assert lockstep.run_until(lambda: all(standing(lockstep, n) for n in FOLLOWERS), 2.5)
         assert lockstep.run_until(
@@ -67,7 +68,7 @@ def test_a_broken_device_stops_its_robot_and_those_behind(
 
 
 def test_a_lost_bus_is_a_fault_and_the_watchdog_does_the_stopping() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r2"]) as lockstep:
         lockstep.stations["r2"].host_bus.shutdown()
         assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.5)
         assert lockstep.statuses["r2"].state == "FAULT"
@@ -85,7 +86,7 @@ def test_a_late_loop_stops_the_robot() -> None:
 
 
 def test_an_emergency_stop_is_on_the_bus_within_one_cycle_and_is_latched() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=["r1", "r2", "r3"]) as lockstep:
         lockstep.estop()
         lockstep.tick()
         lockstep.tick()
@@ -134,7 +135,7 @@ def test_a_healthy_run_blocks_and_loses_no_frame() -> None:
 
 
 def test_a_robot_is_not_armed_before_its_checks_pass() -> None:
-    with Lockstep(shipped("demo"), 1) as lockstep:
+    with powered_up(shipped("demo"), 1) as lockstep:
         lockstep.simulation.inject(Fault(robot="r2", device="bearing", kind="off"))
         lockstep.run_for(1.0)
         reply = lockstep.command("r2", "arm")

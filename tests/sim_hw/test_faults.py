@@ -15,6 +15,7 @@ from config.can.database import AXIS_DBC, BEARING_SENSOR_DBC, VEHICLE_AUX_DBC, t
 from config.can.frame import Frame
 from config.can.odrive import AxisError, AxisState, ControlMode, InputMode
 from config.faults import DEVICES, DOC_PATH, KINDS, Fault, kinds_of, table
+from config.fleet import SimulatedBearings, Simulation
 from sim_hw.error_frames import ERROR_FLAG
 from sim_hw.fleet import FaultRefused, SimulatedFleet
 from tests.sim_hw.fleets import (
@@ -90,9 +91,15 @@ def healthy() -> Run:
     return run()
 
 
-def run(*faults: Fault, until_s: float = 2.0, commands: bool = True, seed: int = 1) -> Run:
+def run(
+    *faults: Fault,
+    until_s: float = 2.0,
+    commands: bool = True,
+    seed: int = 1,
+    errors: Simulation = EXACT,
+) -> Run:
     """Drive straight on; the faults begin at `FAULT_S`."""
-    sim = SimulatedFleet(fleet(1, EXACT), seed, 0.0, database())
+    sim = SimulatedFleet(fleet(1, errors), seed, 0.0, database())
     robot, frames = sim.robots["r1"], []
     for fault in faults:
         sim.inject(fault, FAULT_S)
@@ -169,8 +176,10 @@ def test_a_stuck_encoder_repeats_its_angle_with_good_protection() -> None:
     _assert_protected(done, 0x060)
 
 
-def test_a_stuck_sensor_repeats_its_last_look_under_new_numbers() -> None:
-    done = run(fault("bearing", "stuck"))
+@pytest.mark.parametrize("std_rad", [0.0, 0.05])
+def test_a_stuck_sensor_repeats_its_last_look_under_new_numbers(std_rad: float) -> None:
+    errors = EXACT.model_copy(update={"bearings": SimulatedBearings(std_rad=std_rad)})
+    done = run(fault("bearing", "stuck"), errors=errors)
     assert len({round(b, 4) for b in done.bearings(FAULT_S + 0.03)}) == 1
     assert len({round(b, 4) for b in done.bearings(0.5, FAULT_S)}) > 30
     numbers = {row.values["Capture_Id"] for row in done.of(0x120, FAULT_S + 0.03)}

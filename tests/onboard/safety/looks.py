@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from onboard.canbus.drive.driver import MotorState
 from onboard.canbus.port import BusState
-from onboard.safety.observations import DriveSeen, EstimateSeen, LeaderSeen, Observations
+from onboard.safety.observations import DriveSeen, EstimateSeen, LeaderSeen, Observations, Response
 from onboard.safety.states import State
 
 ACTIVE = DriveSeen(MotorState.ACTIVE, "in closed-loop control", 0.1, 0.01)
@@ -17,6 +17,7 @@ GOOD = Observations(
     bearing_age_s=0.02,
     bearing_problem=None,
     bearing_rate_hz=100.0,
+    bearings_repeat_s=0.0,
     estimate=EstimateSeen(mutual_age_s=0.02),
     drive=ACTIVE,
     steering=ACTIVE,
@@ -24,6 +25,8 @@ GOOD = Observations(
     encoder_problem=None,
     steering_rad=0.1,
     disagreement_rad=0.01,
+    speed_response=Response(1.0, 1.0, 1.0),
+    steering_response=Response(0.1, 0.1, 0.1),
     bus_state=BusState.ACTIVE,
     bus_reason="open",
     bus_load=0.3,
@@ -37,4 +40,12 @@ GOOD = Observations(
     ending=False,
     estop_by=None,
 )
-READY = replace(GOOD, state=State.STANDBY, drive=IDLE, steering=IDLE, disagreement_rad=None)
+READY = replace(
+    GOOD,
+    state=State.STANDBY,
+    drive=IDLE,
+    steering=IDLE,
+    disagreement_rad=None,
+    speed_response=None,
+    steering_response=None,
+)

@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 from config.failsafe import Failsafe, Reaction
 from onboard.canbus.port import BusState
 from onboard.safety.failsafe import EVENT_OF, Action, FailsafeTable, Judgement, escalated
-from onboard.safety.observations import EstimateSeen, LeaderSeen, Observations, SafetyNodeSeen
+from onboard.safety.observations import (
+    EstimateSeen,
+    LeaderSeen,
+    Observations,
+    Response,
+    SafetyNodeSeen,
+)
 from onboard.safety.states import State
 from onboard.safety.triggers import TRIGGERS
 from tests.onboard.safety.looks import ACTIVE, EXPIRED, GOOD, TRIPPED
@@ -88,6 +94,13 @@ ROWS: list[tuple[str, dict[str, Any], float, Action, str]] = [
         STOP,
         "bearing sensor: no usable bearing for 0.31 s, limit 0.30 s",
     ),
+    (
+        "bearings_repeat",
+        {"bearings_repeat_s": 0.31},
+        0.0,
+        STOP,
+        "bearing sensor: the very same bearings for 0.31 s, limit 0.30 s",
+    ),
     ("bearing_sensor_lost", {"bearing_problem": "state FAULT"}, 0.0, STOP, "state FAULT"),
     (
         "mutual_bearing_lost",
@@ -115,6 +128,22 @@ ROWS: list[tuple[str, dict[str, Any], float, Action, str]] = [
         0.0,
         STOP,
         "steering drive and encoder disagree by 0.160 rad, limit 0.150 rad",
+    ),
+    (
+        "drive_response",
+        {"speed_response": Response(1.3, 0.9, 1.0)},
+        0.1,
+        FAULT_STOP,
+        "drive: the wheel turns at 1.30 m/s, asked for were 0.90 to 1.00 m/s, "
+        "limit 0.20 m/s beyond",
+    ),
+    (
+        "steering_response",
+        {"steering_response": Response(-0.11, 0.0, 0.1)},
+        0.1,
+        STOP,
+        "steering: the fork is at -0.110 rad, asked for were 0.000 to 0.100 rad, "
+        "limit 0.100 rad beyond",
     ),
     (
         "drive_heartbeat_lost",
@@ -247,6 +276,10 @@ def test_every_row_of_the_fleet_files_section_is_a_trigger_and_is_tested() -> No
         {"clock_step_s": 0.05},
         {"ground_age_s": 0.5},
         {"disagreement_rad": 0.15},
+        {"disagreement_rad": math.nan},
+        {"speed_response": Response(1.2, 1.0, 1.0)},
+        {"steering_response": Response(-0.1, 0.0, 0.1)},
+        {"bearings_repeat_s": 0.3},
         estimate(mutual_age_s=1.0),
         {"safety_node": SafetyNodeSeen(0.35, button=False, latched=False, power=True)},
     ],
