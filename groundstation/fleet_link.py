@@ -8,13 +8,22 @@ from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import NamedTuple, Self
 
-import msgspec
 import zenoh
 from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, FaultOrder, Ground, Message, encode
+from config.messages import (
+    Command,
+    CommandReply,
+    Estop,
+    FaultOrder,
+    Ground,
+    Message,
+    Unreadable,
+    decode,
+    encode,
+)
 from config.topics import Topic
 from config.zenoh_settings import session_config
 from groundstation import keys
@@ -57,9 +66,6 @@ class FleetLink:
         self.unreadable: list[str] = []
         self._fleet = fleet
         self._session = _open(listen, connect)
-        self._decoders = {
-            topic.name: msgspec.json.Decoder(topic.message) for topic in topics.PUBLISHED
-        }
         self._addresses: dict[str, keys.Address] = {}
         self._subscribers = [
             self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG))
@@ -209,8 +215,8 @@ class FleetLink:
             self._addresses[key] = keys.parse(key)
         address = self._addresses[key]
         try:
-            message = self._decoders[address.topic.name].decode(payload)
-        except msgspec.MsgspecError as error:
+            message = decode(payload, address.topic.message)
+        except Unreadable as error:
             self.unreadable.append(f"message on {key} cannot be read: {error}")
             return
         if isinstance(message, Message):
@@ -230,8 +236,8 @@ def _reply(
         if reply.ok is None:
             continue
         try:
-            return msgspec.json.decode(reply.ok.payload.to_bytes(), type=CommandReply)
-        except msgspec.MsgspecError as error:
+            return decode(reply.ok.payload.to_bytes(), CommandReply)
+        except Unreadable as error:
             return CommandReply(
                 robot=robot, accepted=False, reason=f"its answer cannot be read: {error}"
             )
