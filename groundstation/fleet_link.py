@@ -33,6 +33,8 @@ from groundstation.fleet_view import FleetView
 BACKLOG = 8192
 REPLY_TIMEOUT_S = 2.0
 ESTOP_PERIOD_S = 0.05
+ESTOP_FIRST_S, ESTOP_FIRST_PERIOD_S = 0.5, 0.002
+"""A session that has just been opened does not reach the robots yet, and does not know when."""
 HEARTBEAT_PERIOD_S = 1.0 / topics.GROUND.rate_hz
 NO_ANSWER = f"no answer within {REPLY_TIMEOUT_S:g} s"
 POLL_S = 0.01
@@ -144,7 +146,9 @@ class FleetLink:
         )
         self._heartbeat.put(encode(beat))
 
-    def wait_until(self, reached: Callable[[], bool], timeout_s: float) -> bool:
+    def wait_until(
+        self, reached: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S
+    ) -> bool:
         """Poll until the condition holds; False when it does not within the time."""
         deadline = time.monotonic() + timeout_s
         while True:
@@ -153,7 +157,7 @@ class FleetLink:
                 return True
             if time.monotonic() > deadline:
                 return False
-            time.sleep(POLL_S)
+            time.sleep(poll_s)
 
     def command(
         self, name: str, robots: Sequence[str], override: Sequence[str] = ()
@@ -200,11 +204,13 @@ class FleetLink:
 
         Returns which robots report it.
         """
-        deadline = time.monotonic() + timeout_s
+        began = time.monotonic()
         while True:
             self.publish_estop()
-            reached = self.wait_until(self._all_in_estop, ESTOP_PERIOD_S)
-            if reached or time.monotonic() > deadline:
+            passed_s = time.monotonic() - began
+            period_s = ESTOP_FIRST_PERIOD_S if passed_s < ESTOP_FIRST_S else ESTOP_PERIOD_S
+            reached = self.wait_until(self._all_in_estop, period_s, period_s)
+            if reached or passed_s > timeout_s:
                 return {name: self.view.state(name) == "ESTOP" for name in self._fleet.robots}
 
     def _all_in_estop(self) -> bool:
