@@ -18,6 +18,8 @@ TARGETS = ("r2", "r1")
 PER_CYCLE = 250
 HOSTILE_SHARE = 0.05
 HOSTILE_CYCLES = 2
+AFTERMATH_S = 0.5
+"""What a hostile burst has brought about shows within this time, not in the quiet after it."""
 PAYLOADS_PER_CYCLE = 40
 TOPICS = ("motion",) * 12 + ("command",) * 5 + ("ground",) * 3
 HOSTILE_PAYLOADS_SHARE = 0.04
@@ -106,6 +108,8 @@ class _Chunk:
             for _ in range(HOSTILE_CYCLES):
                 arena.attack_bus(count, quiet=False)
                 self._left -= count
+            if hostile:
+                arena.run_for(AFTERMATH_S)
             return
         arena.attack_bus(count, quiet=True)
         self._left -= count
@@ -127,6 +131,8 @@ class _Chunk:
             made[0] = ("estop", fuzzer.one("estop", arena.lockstep.now_s, arena.wall_s))
         arena.attack_link(made)
         self._left -= count
+        if not quiet and self._wanted != "STANDBY":
+            arena.run_for(AFTERMATH_S)
         if quiet and arena.state != self._wanted:
             self.quiet_stops.append(arena.lockstep.statuses[arena.target].reason)
 

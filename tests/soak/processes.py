@@ -85,6 +85,7 @@ class RealSoak:
             self.field, np.random.default_rng([seed, session]), MEAN_INTERVAL_S
         )
         self._before: Counter[str] = Counter()
+        self._grown: dict[str, float] = {}
 
     def close(self) -> None:
         """End every process."""
@@ -93,19 +94,21 @@ class RealSoak:
     def minute(self, from_s: float, seconds: float = MINUTE_S) -> Sample:
         """Let a minute pass."""
         began_s, steps, driving = time.monotonic(), 0, 0
-        cpu_s = self._cpu_s()
+        cpu_s, restarts = self._cpu_s(), self.field.restarts
         while time.monotonic() < began_s + seconds:
             self.bench.watch(STEP_S)
             self.operator.step()
             steps += 1
             driving += self.operator.driving_since_s is not None
         passed_s = time.monotonic() - began_s
-        figures = {"driving_share": driving / max(1, steps), "restarts": float(self.field.restarts)}
+        figures = {"driving_share": driving / max(1, steps)}
         for name, used_s in self._cpu_s().items():
             figures[f"{name} cpu_ms_per_s"] = 1e3 * (used_s - cpu_s.get(name, used_s)) / passed_s
             figures |= {f"{name} {key}": value for key, value in self._process(name).items()}
-        session = float(self._session + 1000 * self.field.restarts)
-        return Sample(int(session), from_s + passed_s, figures | self._told(passed_s))
+        told, session = self._told(passed_s), self._session + 1000 * self.field.restarts
+        if self.field.restarts > restarts:  # figures of two processes do not mix
+            figures, told = {"restarts": float(self.field.restarts - restarts)}, self._done()
+        return Sample(session, from_s + passed_s, figures | told)
 
     def _cpu_s(self) -> dict[str, float]:
         used = {}
@@ -129,6 +132,10 @@ class RealSoak:
             "files": float(len(list((folder / "fd").iterdir()))),
         }
 
+    def _done(self) -> dict[str, float]:
+        """What the operator has done since the last minute."""
+        return {name: self._grown.get(name, 0.0) for name in self.operator.done}
+
     def _told(self, passed_s: float) -> dict[str, float]:
         """What the robots say of their loops and buses."""
         now: Counter[str] = Counter(self.operator.done)
@@ -144,7 +151,7 @@ class RealSoak:
             figures[f"{name} p50_ms"] = status.loop.p50_ms
             figures[f"{name} late_p99_ms"] = status.loop.late_p99_ms
         grown = {name: float(now[name] - self._before[name]) for name in now}
-        self._before = now
+        self._before, self._grown = now, grown
         for name in self.bench.robots:
             figures[f"{name} cycles_per_s"] = grown.pop(f"{name} cycles", math.nan) / passed_s
         return figures | grown
