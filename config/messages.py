@@ -5,7 +5,11 @@ was true, comparable between processes of one host), `wall_ns` (the same instant
 and `valid`. Angles are radians in (-pi, pi], anticlockwise positive.
 """
 
+from typing import TypeVar
+
 import msgspec
+
+StructT = TypeVar("StructT", bound=msgspec.Struct)
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -263,6 +267,21 @@ class FaultOrder(msgspec.Struct, frozen=True, kw_only=True):
     for_s: float | None = None
     value: float | None = None
     operator: str = ""
+
+
+class Unreadable(ValueError):
+    """Bytes that are no message of the kind expected; the text says what is wrong with them."""
+
+
+def decode(payload: bytes, kind: type[StructT]) -> StructT:
+    """The message in JSON bytes. Raises Unreadable, whatever the bytes are.
+
+    Bad UTF-8 and nesting without end are not among the decoder's own errors.
+    """
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
+        raise Unreadable(str(error)) from error
 
 
 _ENCODER = msgspec.json.Encoder()

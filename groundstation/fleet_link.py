@@ -8,13 +8,22 @@ from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import NamedTuple, Self
 
-import msgspec
 import zenoh
 from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, FaultOrder, Ground, Message, encode
+from config.messages import (
+    Command,
+    CommandReply,
+    Estop,
+    FaultOrder,
+    Ground,
+    Message,
+    Unreadable,
+    decode,
+    encode,
+)
 from config.topics import Topic
 from config.zenoh_settings import session_config
 from groundstation import keys
@@ -24,6 +33,8 @@ from groundstation.fleet_view import FleetView
 BACKLOG = 8192
 REPLY_TIMEOUT_S = 2.0
 ESTOP_PERIOD_S = 0.05
+ESTOP_FIRST_S, ESTOP_FIRST_PERIOD_S = 0.5, 0.002
+"""A session that has just been opened does not reach the robots yet, and does not know when."""
 HEARTBEAT_PERIOD_S = 1.0 / topics.GROUND.rate_hz
 NO_ANSWER = f"no answer within {REPLY_TIMEOUT_S:g} s"
 POLL_S = 0.01
@@ -57,9 +68,6 @@ class FleetLink:
         self.unreadable: list[str] = []
         self._fleet = fleet
         self._session = _open(listen, connect)
-        self._decoders = {
-            topic.name: msgspec.json.Decoder(topic.message) for topic in topics.PUBLISHED
-        }
         self._addresses: dict[str, keys.Address] = {}
         self._subscribers = [
             self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG))
@@ -138,7 +146,9 @@ class FleetLink:
         )
         self._heartbeat.put(encode(beat))
 
-    def wait_until(self, reached: Callable[[], bool], timeout_s: float) -> bool:
+    def wait_until(
+        self, reached: Callable[[], bool], timeout_s: float, poll_s: float = POLL_S
+    ) -> bool:
         """Poll until the condition holds; False when it does not within the time."""
         deadline = time.monotonic() + timeout_s
         while True:
@@ -147,7 +157,7 @@ class FleetLink:
                 return True
             if time.monotonic() > deadline:
                 return False
-            time.sleep(POLL_S)
+            time.sleep(poll_s)
 
     def command(
         self, name: str, robots: Sequence[str], override: Sequence[str] = ()
@@ -194,11 +204,13 @@ class FleetLink:
 
         Returns which robots report it.
         """
-        deadline = time.monotonic() + timeout_s
+        began = time.monotonic()
         while True:
             self.publish_estop()
-            reached = self.wait_until(self._all_in_estop, ESTOP_PERIOD_S)
-            if reached or time.monotonic() > deadline:
+            passed_s = time.monotonic() - began
+            period_s = ESTOP_FIRST_PERIOD_S if passed_s < ESTOP_FIRST_S else ESTOP_PERIOD_S
+            reached = self.wait_until(self._all_in_estop, period_s, period_s)
+            if reached or passed_s > timeout_s:
                 return {name: self.view.state(name) == "ESTOP" for name in self._fleet.robots}
 
     def _all_in_estop(self) -> bool:
@@ -209,8 +221,8 @@ class FleetLink:
             self._addresses[key] = keys.parse(key)
         address = self._addresses[key]
         try:
-            message = self._decoders[address.topic.name].decode(payload)
-        except msgspec.MsgspecError as error:
+            message = decode(payload, address.topic.message)
+        except Unreadable as error:
             self.unreadable.append(f"message on {key} cannot be read: {error}")
             return
         if isinstance(message, Message):
@@ -230,8 +242,8 @@ def _reply(
         if reply.ok is None:
             continue
         try:
-            return msgspec.json.decode(reply.ok.payload.to_bytes(), type=CommandReply)
-        except msgspec.MsgspecError as error:
+            return decode(reply.ok.payload.to_bytes(), CommandReply)
+        except Unreadable as error:
             return CommandReply(
                 robot=robot, accepted=False, reason=f"its answer cannot be read: {error}"
             )

@@ -13,6 +13,7 @@ from onboard.estimate.factory import make_relative_filter
 from onboard.estimate.misfit_watch import MisfitWatch
 from onboard.estimate.nis_watch import NisWatch
 from onboard.estimate.observability_monitor import RangeMonitor
+from onboard.leader_messages import NewestFirst, implausible
 from onboard.model.vehicle import WheelMotion
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import EstimateSeen, LeaderSeen
@@ -43,6 +44,7 @@ class Follower:
         self._motion: Motion | None = None
         self._leader_wheel = WheelMotion(0.0, 0.0)
         self._sightings = SightingBox(name)
+        self._order = NewestFirst()
         self._mutual_s: float | None = None
         self._driving = False
         self._nis = 0.0
@@ -51,16 +53,15 @@ class Follower:
         self._own_misfits, self._mutual_misfits = _misfit_watches(self._leader_name)
         self._range_watch = RangeWatch(self._robot, self._leader_name, self._offset)
 
-    def hear(self, motion: Motion) -> None:
+    def hear(self, at: Stamp, motion: Motion) -> None:
         """Keep the leader's newest message, and from every message what it saw of this robot."""
         if motion.robot != self._leader_name:
             return
         self._sightings.put(motion)
-        newest_ns = -1 if self._motion is None else self._motion.t_ns
-        if motion.t_ns <= newest_ns:
+        if not self._order.is_news(motion.t_ns, at.now_s):
             return
         self._motion = motion
-        if motion.valid:
+        if motion.valid and implausible(motion) is None:
             self._leader_wheel = WheelMotion(motion.speed_mps, motion.steering_rad)
 
     def estimate(
@@ -170,8 +171,16 @@ class Follower:
         if motion is None:
             return LeaderSeen(self._leader_name, None, None)
         age_s = at.wall_s - motion.wall_ns * 1e-9
-        problem = None if motion.valid else f"does not know its own motion ({motion.reason})"
-        return LeaderSeen(self._leader_name, age_s, motion.state, problem)
+        return LeaderSeen(self._leader_name, age_s, motion.state, self._unfit(motion, age_s))
+
+    def _unfit(self, motion: Motion, age_s: float) -> str | None:
+        """Why the leader's newest message is of no use although it came in time."""
+        if not motion.valid:
+            return f"does not know its own motion ({motion.reason})"
+        limit_s = self._robot.failsafe.leader_stale.after_s
+        if age_s < -limit_s:
+            return f"sends messages from {-age_s:.3g} s ahead of this clock, limit {limit_s:.2f} s"
+        return implausible(motion)
 
     def estimate_seen(self, at: Stamp) -> EstimateSeen:
         """The leader is lost, or the range or the filter's own claims are not to be trusted."""

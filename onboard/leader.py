@@ -26,7 +26,7 @@ class Leader:
         self._pace = 1.0
         self.observability = LandmarkMonitor(self._robot, self._landmarks)
 
-    def hear(self, motion: Motion) -> None:
+    def hear(self, at: Stamp, motion: Motion) -> None:
         """A leader needs nothing from its followers."""
 
     def estimate(

@@ -1,22 +1,29 @@
 """A robot's Zenoh link: what the loop polls and what it publishes. No callbacks, no threads."""
 
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Self
 
-import msgspec
 import zenoh
 from zenoh.handlers import FifoChannel, Handler, RingChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, Ground, Motion, encode
+from config.messages import (
+    Command,
+    CommandReply,
+    Estop,
+    Ground,
+    Motion,
+    StructT,
+    Unreadable,
+    decode,
+    encode,
+)
 from config.zenoh_settings import session_config
 from onboard.step import Outputs, Request
 
 MOTION_BACKLOG = 4
 COMMAND_BACKLOG = 8
-
-_Struct = TypeVar("_Struct", bound=msgspec.Struct)
 
 
 class LinkUnavailable(Exception):
@@ -94,8 +101,8 @@ class Link:
         while (query := self._commands.handler.try_recv()) is not None:
             payload = query.payload.to_bytes() if query.payload is not None else b""
             try:
-                command = msgspec.json.decode(payload, type=Command)
-            except msgspec.DecodeError as error:
+                command = decode(payload, Command)
+            except Unreadable as error:
                 reason = f"command cannot be read: {error}"
                 self._answer(query, CommandReply(robot=self._name, accepted=False, reason=reason))
                 continue
@@ -116,12 +123,12 @@ class Link:
         for number, reply in outputs.replies:
             self._answer(self._waiting.pop(number), reply)
 
-    def _drain(self, handler: Handler[zenoh.Sample], kind: type[_Struct]) -> list[_Struct]:
-        received: list[_Struct] = []
+    def _drain(self, handler: Handler[zenoh.Sample], kind: type[StructT]) -> list[StructT]:
+        received: list[StructT] = []
         while (sample := handler.try_recv()) is not None:
             try:
-                received.append(msgspec.json.decode(sample.payload.to_bytes(), type=kind))
-            except msgspec.DecodeError as error:
+                received.append(decode(sample.payload.to_bytes(), kind))
+            except Unreadable as error:
                 self._unreadable.append(f"message on {sample.key_expr} cannot be read: {error}")
         return received
 

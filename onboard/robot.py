@@ -81,7 +81,7 @@ class Robot:
         for text in [*inputs.unreadable, *inputs.notes]:
             self._telemetry.event("warning", text)
         for motion in inputs.motions:
-            self._role.hear(motion)
+            self._role.hear(at, motion)
         for frame in inputs.frames:
             self._guard.observe(frame)
         self._hardware.take(inputs.frames, dt_s)

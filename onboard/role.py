@@ -44,8 +44,8 @@ class Role(Protocol):
     def observability(self) -> ObservabilityMonitor:
         """Whether the recent geometry lets the robot know what it estimates."""
 
-    def hear(self, motion: Motion) -> None:
-        """Take in a message from another robot."""
+    def hear(self, at: Stamp, motion: Motion) -> None:
+        """Take in a message from another robot that has arrived at `at`."""
 
     def estimate(
         self, at: Stamp, dt_s: float, odometry: Odometry, observations: list[Observation]

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from config.messages import Motion, Sighting
 from onboard.estimate.motion_history import KEPT_S
+from onboard.leader_messages import usable
 
 REMEMBERED = 256
 """Bearings known as used: more than come within `KEPT_S`."""
@@ -29,7 +30,7 @@ class SightingBox:
         clock_offset_ns = motion.wall_ns - motion.t_ns
         for seen in motion.sightings:
             key = seen.t_ns, seen.marker
-            if seen.target == self._robot and key not in self._known:
+            if seen.target == self._robot and key not in self._known and usable(seen):
                 self._known[key] = None
                 self._waiting.append(((seen.t_ns + clock_offset_ns) * 1e-9, seen))
         while len(self._known) > REMEMBERED:

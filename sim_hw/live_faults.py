@@ -5,14 +5,13 @@ Polled by the loop; no callback, no thread.
 
 from collections.abc import Iterable
 
-import msgspec
 import zenoh
 from pydantic import ValidationError
 from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.faults import Fault
-from config.messages import CommandReply, FaultOrder, encode
+from config.messages import CommandReply, FaultOrder, Unreadable, decode, encode
 from sim_hw.fleet import FaultRefused, SimulatedFleet
 
 BACKLOG = 8
@@ -46,7 +45,7 @@ class LiveFaults:
 
     def _answer(self, name: str, payload: bytes) -> CommandReply:
         try:
-            order = msgspec.json.decode(payload, type=FaultOrder)
+            order = decode(payload, FaultOrder)
             self._simulated.inject(
                 Fault(
                     robot=name,
@@ -56,7 +55,7 @@ class LiveFaults:
                     value=order.value,
                 )
             )
-        except msgspec.MsgspecError as error:
+        except Unreadable as error:
             return _refused(name, f"order cannot be read: {error}")
         except ValidationError as error:
             return _refused(name, "; ".join(each["msg"] for each in error.errors()))

@@ -133,7 +133,7 @@ class _Run:
         """Estimate from what has come in: each thing one cycle after it was taken."""
         at = Stamp(self._now_s, self._now_s)
         for message in self._posted:
-            self._role.hear(message)
+            self._role.hear(at, message)
         motion = self._own.motion
         odometry = Odometry(motion.speed_mps * self._own_scale, motion.steering_rad, 0.0)
         self._role.estimate(at, DT_S, odometry, self._observations)

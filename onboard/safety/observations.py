@@ -86,12 +86,12 @@ class Observations:
 
     `leader` is None for a robot without one. `bearing_age_s` is the age of the newest bearing
     that the robot needs (a follower: of its leader), None if there was none, 0 where it needs
-    none; `bearings_repeat_s` is for how long all bearings have been the very same. The `*_problem` texts are the devices' own
-    complaints, the responses are None where no setpoint was sent. `frames_dropped` counts what
-    could not be sent in the last cycle, `loop_late_s` is how late this one began, `clock_step_s`
-    how far the wall clock has jumped. `ground_age_s` is the age of the ground station's heartbeat,
-    infinite before the first. `estop_by` names who asked for the emergency stop. What the shell
-    does not know is None.
+    none; `bearings_repeat_s` is for how long all bearings have been the very same. The
+    `*_problem` texts are the devices' own complaints, the responses are None where no setpoint
+    was sent. `frames_dropped` counts what could not be sent in the last cycle, `loop_late_s` is
+    how late this one began, `clock_step_s` how far the wall clock has jumped. `ground_age_s` is
+    the age of the ground station's heartbeat, infinite before the first. `estop_by` names who
+    asked for the emergency stop. What the shell does not know is None.
     """
 
     state: State

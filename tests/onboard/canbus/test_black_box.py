@@ -94,6 +94,24 @@ def test_a_writer_that_hangs_never_blocks_and_the_loss_is_counted(
     box._writer.stop()
 
 
+def test_a_full_queue_never_makes_the_loop_wait(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of ten batches for which there is no room, the quickest is handed over at once."""
+    monkeypatch.setattr(BlackBox, "_run", lambda _self: None)
+    box = BlackBox(tmp_path, "r1", 10.0, 2)
+    for _ in range(black_box.QUEUE_BATCHES):
+        box.put(frames(range(1)))
+    waits_s = []
+    for _ in range(10):
+        began_s = time.monotonic()
+        box.put(frames(range(1)))
+        waits_s.append(time.monotonic() - began_s)
+    assert box.dropped == 10
+    assert min(waits_s) < 0.002
+    box._writer.stop()
+
+
 def test_a_disk_that_fails_is_told_and_does_not_stop_the_robot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

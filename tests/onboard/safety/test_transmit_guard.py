@@ -360,6 +360,27 @@ def test_errors_are_cleared_as_the_firmware_wants_it(
     assert guard.check(Frame(0x058, other, 1.0)).verdict is Verdict.WRONG_LENGTH
 
 
+@pytest.mark.parametrize(
+    ("setpoints_mps", "expected"),
+    [
+        ((0.0, 0.4, 0.62), Verdict.PASSED),
+        ((0.0, 0.4, 0.8), Verdict.OVER_WINDOW),
+        ((0.9, 0.5, 0.1), Verdict.PASSED),
+        ((1.0, 0.5, -0.6), Verdict.PASSED),
+    ],
+)
+def test_jumps_of_the_measured_speed_do_not_carry_a_setpoint_beyond_the_window(
+    guard: TransmitGuard, setpoints_mps: tuple[float, ...], expected: Verdict
+) -> None:
+    """With 0.11 s between setpoints each one starts from the measured speed, whatever that is."""
+    verdict = Verdict.PASSED
+    for step, speed_mps in enumerate(setpoints_mps):
+        t_s = 0.11 * step
+        guard.observe(estimates(2, 0.0, speed_mps * REV_PER_M, t_s))
+        verdict = guard.check(speed(speed_mps, t_s)).verdict
+    assert verdict is expected
+
+
 def test_jumps_of_the_measurement_do_not_carry_a_setpoint_beyond_the_window(
     guard: TransmitGuard,
 ) -> None:
