@@ -30,7 +30,7 @@ def test_with_one_landmark_in_view_the_leader_refuses_to_arm_and_names_what_is_l
 
 
 def test_with_an_empty_map_the_leader_drives_by_odometry_alone() -> None:
-    with Lockstep(_leader_alone([]), 1) as lockstep:
+    with powered_up(_leader_alone([]), 1) as lockstep:
         lockstep.start_mission()
         lockstep.run_for(6.0)
         assert lockstep.statuses["r1"].state == "RUNNING"
