@@ -223,6 +223,84 @@ class Ground(Message, frozen=True, kw_only=True):
     operator: str
 
 
+class CanFrame(msgspec.Struct, frozen=True):
+    """One frame on a robot's bus, as `config.can.frame.Frame`; `data` is hexadecimal.
+
+    `t_s` is the robot's monotonic time, `sent` tells the robot's own frames from received ones.
+    """
+
+    id: int
+    data: str
+    t_s: float
+    sent: bool = False
+    remote: bool = False
+
+
+class CanFrames(Message, frozen=True, kw_only=True):
+    """All frames that one step received and sent; `seq` is the number of the step."""
+
+    robot: str
+    frames: list[CanFrame]
+
+
+class StepRequest(msgspec.Struct, frozen=True):
+    """An operator's command as it reached the step, with its number."""
+
+    number: int
+    command: Command
+
+
+class StepReply(msgspec.Struct, frozen=True):
+    """What the step answered to the request of that number."""
+
+    number: int
+    reply: CommandReply
+
+
+class StepInputs(Message, frozen=True, kw_only=True):
+    """What one step consumed besides the frames of `CanFrames` with the same `seq`, losslessly.
+
+    `now_s` and `wall_s` are the clocks as the step saw them. `replies` and `messages_crc`, the
+    CRC-32 of the encoded messages in their order, belong to its output.
+    """
+
+    robot: str
+    now_s: float
+    wall_s: float
+    late_s: float
+    bus: BusHealth
+    loop: LoopHealth
+    motions: list[Motion] = []
+    requests: list[StepRequest] = []
+    estops: list[Estop] = []
+    grounds: list[Ground] = []
+    unreadable: list[str] = []
+    notes: list[str] = []
+    shutdown: bool = False
+    free_disk_mb: float | None = None
+    replies: list[StepReply] = []
+    messages_crc: int = 0
+
+
+class Version(msgspec.Struct, frozen=True):
+    """A program or library, and its version."""
+
+    name: str
+    version: str
+
+
+class RobotStart(Message, frozen=True, kw_only=True):
+    """What a robot's program was started with; sent again every 10 s for late listeners.
+
+    `fleet_json` is the effective fleet, `seed` that of the particle filter.
+    """
+
+    robot: str
+    seed: int
+    fleet_json: str
+    versions: list[Version]
+
+
 class Truth(Message, frozen=True, kw_only=True):
     """Where a simulated robot really is. Published by sim_hw only; robots never subscribe to it."""
 

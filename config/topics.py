@@ -44,12 +44,18 @@ OBSERVABILITY = Topic(
     "observability", "echelon/{fleet}/{robot}/observability", messages.Observability, 5.0, 1.0
 )
 
+CAN = Topic("can", "echelon/{fleet}/{robot}/can", messages.CanFrames, 100.0, 0.5)
+INPUTS = Topic("inputs", "echelon/{fleet}/{robot}/inputs", messages.StepInputs, 100.0, 0.5)
+ROBOT_START = Topic("start", "echelon/{fleet}/{robot}/start", messages.RobotStart, 0.1)
+
 ROBOTS_OWN: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, OBSERVABILITY)
-"""What every robot publishes."""
+"""What every robot tells the fleet and the operator."""
+STEP_RECORD: tuple[Topic, ...] = (CAN, INPUTS, ROBOT_START)
+"""What every robot publishes so that its run can be replayed through the same code."""
 SIM_BUS = Topic("bus", "sim/{fleet}/{robot}/bus", messages.SimulatedBus, 1.0, 3.0)
 FAULT = Topic("fault", "sim/{fleet}/{robot}/fault", messages.FaultOrder, recorded=False)
 
-PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, ESTOP, TRUTH, SIM_BUS)
+PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, *STEP_RECORD, ESTOP, TRUTH, SIM_BUS)
 
 
 def liveliness_key(fleet: str, process: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from groundstation.exits import NOT_GOOD, bad_input_told, signals_end_it
+from groundstation.recording_cli import add_commands
 from groundstation.study.cli import study_app
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study_app, name="study")
+add_commands(app)
 
 FleetName = Annotated[
     str, typer.Option("--fleet", metavar="FLEET", help="Shipped fleet (demo, paper, ...) or file.")

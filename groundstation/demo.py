@@ -3,6 +3,7 @@
 import shutil
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from groundstation.evaluate import evaluate
 from groundstation.figures import draw_formation, draw_trajectories
 from groundstation.fleet_link import FleetLink
 from groundstation.progress import display
-from groundstation.recorder import Recorder
+from groundstation.recorder import About, Recorder
+from groundstation.recovery import save_left_behind
 from groundstation.rehearsal import rehearsal
 from groundstation.run_folder import RunFolder
 from groundstation.series import read_run
@@ -51,6 +53,8 @@ def run_demo(options: Options) -> tuple[RunFolder, Summary]:
     options.console.print(
         f"run folder: {folder.path}", highlight=False, markup=False, soft_wrap=True
     )
+    for text in save_left_behind(folder.path.parent):
+        options.console.print(text, highlight=False, markup=False, soft_wrap=True)
     if options.faults is not None:
         shutil.copyfile(options.faults, folder.path / FAULTS)
     incidents = _lockstep(options, folder, script) if options.lockstep else _live(options, folder)
@@ -78,7 +82,7 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
         folder.write_fleet(fleet)
         with (
             FleetLink.as_ground_station(fleet) as link,
-            Recorder(folder.recording) as recorder,
+            Recorder(folder.recording, fleet, _about(options)) as recorder,
             Supervisor(folder.logs) as supervisor,
             display(options.console) as shown,
         ):
@@ -89,6 +93,10 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
             except KeyboardInterrupt:
                 conductor.bring_to_rest()
                 raise
+
+
+def _about(options: Options) -> About:
+    return About(time.time_ns(), "processes", options.seed)
 
 
 def _script(options: Options) -> FaultScript | None:
@@ -109,24 +117,24 @@ def _commands(fleet: Fleet, folder: RunFolder, options: Options) -> Commands:
 
 
 def _lockstep(options: Options, folder: RunFolder, script: FaultScript | None) -> list[Fault]:
-    from groundstation.lockstep import LockstepFailed, run_lockstep
+    from groundstation.lockstep import START_WALL_NS, LockstepFailed, run_lockstep
 
     fleet = options.fleet
     folder.write_fleet(fleet)
     quiet = not options.console.is_terminal
+    about = About(START_WALL_NS, "lockstep", options.seed)
     with (
-        Recorder(folder.recording) as recorder,
+        Recorder(folder.recording, fleet, about) as recorder,
         Progress(console=options.console, disable=quiet, transient=True) as progress,
     ):
         task = progress.add_task("lockstep", total=fleet.mission.duration_s)
+
+        def advance(mission_s: float) -> None:
+            recorder.flush()
+            progress.update(task, completed=mission_s)
+
         try:
-            run_lockstep(
-                fleet,
-                options.seed,
-                recorder.write,
-                lambda mission_s: progress.update(task, completed=mission_s),
-                script,
-            )
+            run_lockstep(fleet, options.seed, recorder.write, advance, script, replayable=True)
         except LockstepFailed as failure:
             return [Fault("fleet", 0.0, str(failure))]
     return []
