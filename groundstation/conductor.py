@@ -11,7 +11,7 @@ from groundstation.fleet_link import POLL_S, FleetLink
 from groundstation.formation_tree import leader_of, start_order
 from groundstation.mission_log import BAD_STATES, COMPLETE, GROUND_STATION
 from groundstation.progress import Display
-from groundstation.recorder import FLUSH_PERIOD_S, Recorder
+from groundstation.recorder import Recorder
 from groundstation.summary import Fault
 from groundstation.supervisor import Supervisor
 
@@ -62,7 +62,6 @@ class Conductor:
         self._display = display
         self._phase = "starting"
         self._started_s = time.monotonic()
-        self._flush_s = 0.0
 
     def drive(self) -> list[Fault]:
         """The whole mission. Returns what went wrong outside the robots' own messages."""
@@ -215,12 +214,9 @@ class Conductor:
         for text in self._link.unreadable:
             self._display.note(text)
         self._link.unreadable.clear()
-        now_s = time.monotonic()
-        if now_s >= self._flush_s:
-            self._flush_s = now_s + FLUSH_PERIOD_S
-            self._recorder.flush()
-            for text in self._recorder.take_notes():
-                self._display.note(text)
+        self._recorder.tick(time.monotonic())
+        for text in self._recorder.take_notes():
+            self._display.note(text)
         self._display.update(self._phase, self._fleet, self._link.view)
 
     def _check(self) -> None:

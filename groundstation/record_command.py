@@ -4,10 +4,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from config.fleet import Fleet
-from groundstation.fleet_link import POLL_S, FleetLink
-from groundstation.recorder import FLUSH_PERIOD_S, About, Limits, Recorder
+from groundstation.fleet_link import POLL_S, FleetLink, Heard
+from groundstation.recorder import About, Limits, Recorder
 
 Say = Callable[[str], None]
 
@@ -36,19 +37,25 @@ def record(options: Options) -> int:
         return pump(link, recorder, options.seconds, options.say)
 
 
-def pump(link: FleetLink, recorder: Recorder, seconds: float | None, say: Say) -> int:
-    """Move what arrives into the recording."""
+class Source(Protocol):
+    """What messages come from."""
+
+    unreadable: list[str]
+
+    def poll(self) -> list[Heard]:
+        """Everything that arrived since the last call."""
+
+
+def pump(source: Source, recorder: Recorder, seconds: float | None, say: Say) -> int:
+    """Move what arrives into the recording; returns how many messages that were."""
     count, started_s = 0, time.monotonic()
-    flush_s = started_s
     while seconds is None or time.monotonic() - started_s < seconds:
-        for key, payload, message in link.poll():
+        for key, payload, message in source.poll():
             recorder.write(key, payload, message.wall_ns)
             count += 1
-        if time.monotonic() >= flush_s:
-            flush_s = time.monotonic() + FLUSH_PERIOD_S
-            recorder.flush()
-            for text in [*link.unreadable, *recorder.take_notes()]:
-                say(text)
-            link.unreadable.clear()
+        recorder.tick(time.monotonic())
+        for text in [*source.unreadable, *recorder.take_notes()]:
+            say(text)
+        source.unreadable.clear()
         time.sleep(POLL_S)
     return count

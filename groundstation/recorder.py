@@ -20,7 +20,9 @@ from groundstation.recording_format import INFO, expected_keys, info, part_path
 
 MB = 1_000_000
 FLUSH_PERIOD_S = 0.5
-"""How often the owner calls `flush`: a killed process loses no more than that."""
+"""A killed process loses no more than what came in this time."""
+RETRY_PAUSE_NS = 5_000_000_000
+"""After a failed write, no new part is tried for so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +45,7 @@ class About:
 class Recorder:
     """Writes `path` and, where it grows too large, its further parts.
 
-    The same calls give the same bytes. The owner calls `flush` every 0.5 s.
+    The same calls give the same bytes. The owner calls `tick`, or `flush`, all the time.
 
     Raises:
         GroundError: the first part cannot be begun.
@@ -59,7 +61,8 @@ class Recorder:
         self._addresses: dict[str, Address] = {}
         self._notes: list[str] = []
         self._parts = 0
-        self._last_ns = about.wall_ns
+        self._last_ns = self._retry_ns = about.wall_ns
+        self._flush_s = 0.0
         self._scene = scene.Scene(fleet)
         self._part: McapPart | None = None
         self._begin_part()
@@ -78,6 +81,13 @@ class Recorder:
         self._put(topic, payload, log_time_ns)
         for drawn in self._scene.hear(address, payload, log_time_ns):
             self._put(drawn.topic, encode(drawn.message), log_time_ns)
+
+    def tick(self, now_s: float) -> None:
+        """Flush every 0.5 s of the caller's clock, whatever the rhythm of the calls."""
+        if now_s >= self._flush_s:
+            periods = 1 + int((now_s - self._flush_s) // FLUSH_PERIOD_S)
+            self._flush_s += periods * FLUSH_PERIOD_S
+            self.flush()
 
     def flush(self) -> None:
         """Hand everything to the operating system; look after size and room on the disk."""
@@ -166,6 +176,8 @@ class Recorder:
     def _resume(self) -> None:
         """Go on in a new part once twice the room is there that the guard asks for."""
         free_mb = self._free_mb()
+        if self._last_ns < self._retry_ns:
+            return
         if free_mb is None or free_mb < 2 * self._limits.keep_free_mb or free_mb < 1.0:
             return
         problem, self.problem = self.problem, None
@@ -180,6 +192,7 @@ class Recorder:
         """The part is not whole any more: leave it for `recover`."""
         if self._part is not None:
             self._part.abandon()
+        self._retry_ns = self._last_ns + RETRY_PAUSE_NS
         where = part_path(self._path, max(self._parts, 1))
         self._stop(f"{where}: {error.strerror or error}: `echelon recover` saves what is there")
 

@@ -172,8 +172,9 @@ def _keep(record: _Record, message: msgspec.Struct) -> None:
 
 
 def _check_robot(name: str, record: _Record, progress: Progress | None) -> RobotCheck:
-    first, last = min(record.inputs), max(record.inputs)
-    if record.start is None or first != 0:
+    # The two halves of the last step may not both have arrived.
+    first, last = min(record.inputs), min(max(record.inputs), max(record.can, default=-1))
+    if record.start is None or first != 0 or last < 0:
         gap = Gap(0, first - 1 if first else 0, record.inputs[first].now_s)
         return RobotCheck(name, 0, 0, gap=gap)
     start = record.start
