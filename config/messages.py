@@ -79,6 +79,8 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     its mean over the last bearings (None while they are too few), and `nis_state` what that says:
     "filling", "ok", "low" or "high". `range_told` says that something makes the range observable;
     `range_state` is "ok", "degraded" (the follower falls back) or "stop", `range_reason` why.
+    `place_x_m` and `place_y_m` are where the follower wants to be by now, in its leader's body
+    axes, from front point to front point.
     """
 
     robot: str
@@ -96,6 +98,8 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     range_told: bool = True
     range_state: str = "ok"
     range_reason: str = ""
+    place_x_m: float | None = None
+    place_y_m: float | None = None
 
 
 class Observability(Message, frozen=True, kw_only=True):
@@ -119,6 +123,29 @@ class Observability(Message, frozen=True, kw_only=True):
     singular_value: float | None
     landmarks: list[int]
     transverse_mps: float | None
+
+
+class Look(msgspec.Struct, frozen=True):
+    """The newest bearing [rad] to one marker or landmark, in the body frame."""
+
+    marker: int
+    bearing_rad: float
+    std_rad: float
+
+
+class Bearings(Message, frozen=True, kw_only=True):
+    """What a robot has seen since its last such message, one look per marker, for people."""
+
+    robot: str
+    looks: list[Look]
+
+
+class Particles(Message, frozen=True, kw_only=True):
+    """Places of some of a particle filter's particles, drawn by their weights, for people."""
+
+    robot: str
+    x_m: list[float]
+    y_m: list[float]
 
 
 class LoopHealth(msgspec.Struct, frozen=True):
@@ -156,19 +183,23 @@ class DriveHealth(msgspec.Struct, frozen=True):
     """One motor drive as its driver sees it; None where it has not said a finite number.
 
     Position and velocity are the joint's: m and m/s for the drive, rad and rad/s for the steering.
+    `temperature_degc` is the hotter of inverter and motor.
     """
 
     state: str
     faults: list[str]
     position: float | None
     velocity: float | None
+    bus_voltage_v: float | None = None
+    temperature_degc: float | None = None
 
 
 class Status(Message, frozen=True, kw_only=True):
     """One robot's state and health, 10 Hz and at every change of state.
 
     `ready` says that the checks for arming pass; `not_ready` names those that do not.
-    `blocked_frames` counts what the transmit guard did not let pass.
+    `blocked_frames` counts what the transmit guard did not let pass. `formation` is the one that
+    the robot holds or is changing to.
     """
 
     robot: str
@@ -182,6 +213,7 @@ class Status(Message, frozen=True, kw_only=True):
     blocked_frames: int
     steering: DriveHealth
     drive: DriveHealth
+    formation: str = ""
 
 
 class Event(Message, frozen=True, kw_only=True):
@@ -193,14 +225,16 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """An operator's request: name is one of "arm", "start", "stop", "reset".
+    """An operator's request: name is one of "arm", "start", "stop", "reset", "formation".
 
-    `override` names checks that arming and starting may leave aside, where the fleet file allows.
+    `override` names checks that arming and starting may leave aside, where the fleet file allows;
+    `formation` the one to change to.
     """
 
     name: str
     operator: str
     override: list[str] = []
+    formation: str = ""
 
 
 class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -299,6 +333,16 @@ class RobotStart(Message, frozen=True, kw_only=True):
     seed: int
     fleet_json: str
     versions: list[Version]
+
+
+class InCommand(Message, frozen=True, kw_only=True):
+    """Who commands the fleet at the ground station that sends this, and since when (wall clock).
+
+    The latest to have taken command has it; an empty `operator` gives it back.
+    """
+
+    operator: str
+    since_ns: int
 
 
 class Truth(Message, frozen=True, kw_only=True):

@@ -37,6 +37,7 @@ STATUS = Topic("status", "echelon/{fleet}/{robot}/status", messages.Status, 10.0
 EVENT = Topic("event", "echelon/{fleet}/{robot}/event", messages.Event)
 ESTOP = Topic("estop", "echelon/{fleet}/all/estop", messages.Estop)
 GROUND = Topic("ground", "echelon/{fleet}/all/ground", messages.Ground, 10.0, 0.5, False)
+IN_COMMAND = Topic("in_command", "echelon/{fleet}/all/in_command", messages.InCommand, 1.0, 3.0)
 COMMAND = Topic("command", "echelon/{fleet}/{robot}/command", messages.Command, recorded=False)
 TRUTH = Topic("truth", "truth/{fleet}/{robot}/pose", messages.Truth, 100.0, 0.2)
 
@@ -44,18 +45,29 @@ OBSERVABILITY = Topic(
     "observability", "echelon/{fleet}/{robot}/observability", messages.Observability, 5.0, 1.0
 )
 
+BEARINGS = Topic("bearings", "echelon/{fleet}/{robot}/bearings", messages.Bearings, 10.0, 0.5)
+PARTICLES = Topic("particles", "echelon/{fleet}/{robot}/particles", messages.Particles, 2.0, 2.0)
 CAN = Topic("can", "echelon/{fleet}/{robot}/can", messages.CanFrames, 100.0, 0.5)
 INPUTS = Topic("inputs", "echelon/{fleet}/{robot}/inputs", messages.StepInputs, 100.0, 0.5)
 ROBOT_START = Topic("start", "echelon/{fleet}/{robot}/start", messages.RobotStart, 0.1)
 
-ROBOTS_OWN: tuple[Topic, ...] = (MOTION, POSE, RELATIVE, STATUS, EVENT, OBSERVABILITY)
+ROBOTS_OWN: tuple[Topic, ...] = (
+    MOTION,
+    POSE,
+    RELATIVE,
+    STATUS,
+    EVENT,
+    OBSERVABILITY,
+    BEARINGS,
+    PARTICLES,
+)
 """What every robot tells the fleet and the operator."""
 STEP_RECORD: tuple[Topic, ...] = (CAN, INPUTS, ROBOT_START)
 """What every robot publishes so that its run can be replayed through the same code."""
 SIM_BUS = Topic("bus", "sim/{fleet}/{robot}/bus", messages.SimulatedBus, 1.0, 3.0)
 FAULT = Topic("fault", "sim/{fleet}/{robot}/fault", messages.FaultOrder, recorded=False)
 
-PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, *STEP_RECORD, ESTOP, TRUTH, SIM_BUS)
+PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, *STEP_RECORD, ESTOP, IN_COMMAND, TRUTH, SIM_BUS)
 
 
 def liveliness_key(fleet: str, process: str) -> str:

@@ -14,7 +14,16 @@ from zenoh.handlers import FifoChannel
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import Command, CommandReply, Estop, FaultOrder, Ground, Message, encode
+from config.messages import (
+    Command,
+    CommandReply,
+    Estop,
+    FaultOrder,
+    Ground,
+    InCommand,
+    Message,
+    encode,
+)
 from config.topics import Topic
 from config.zenoh_settings import session_config
 from groundstation import keys
@@ -70,6 +79,8 @@ class FleetLink:
         )
         self._estop = self._session.declare_publisher(topics.ESTOP.key(fleet.name))
         self._estops_sent = 0
+        self._in_command = self._session.declare_publisher(topics.IN_COMMAND.key(fleet.name))
+        self._announcements = 0
         self._heartbeat = (
             self._session.declare_publisher(topics.GROUND.key(fleet.name)) if announce else None
         )
@@ -89,11 +100,11 @@ class FleetLink:
         return cls(fleet, fleet.ground, [], topics.PUBLISHED, announce="ground")
 
     @classmethod
-    def as_visitor(cls, fleet: Fleet) -> Self:
+    def as_visitor(cls, fleet: Fleet, hear: Iterable[Topic] = (topics.STATUS,)) -> Self:
         """Join a running fleet through its ground station and its robots' fixed endpoints."""
         robots = [robot.listen for robot in fleet.robots.values()]
         fixed = [endpoint for endpoint in robots if not endpoint.endswith(":0")]
-        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], (topics.STATUS,))
+        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], hear)
 
     def __enter__(self) -> Self:
         return self
@@ -150,13 +161,26 @@ class FleetLink:
             time.sleep(POLL_S)
 
     def command(
-        self, name: str, robots: Sequence[str], override: Sequence[str] = ()
+        self,
+        name: str,
+        robots: Sequence[str],
+        override: Sequence[str] = (),
+        formation: str = "",
+        by: str | None = None,
     ) -> dict[str, CommandReply]:
         """Send one command to several robots at once and collect their replies.
 
-        A robot that does not answer is reported as refusing, with that as the reason.
+        A robot that does not answer is reported as refusing, with that as the reason. `by` is the
+        operator's name instead of this process's user. May be called from another thread.
         """
-        payload = encode(Command(name=name, operator=operator(), override=list(override)))
+        payload = encode(
+            Command(
+                name=name,
+                operator=by or operator(),
+                override=list(override),
+                formation=formation,
+            )
+        )
         pending = {
             robot: self._session.get(
                 topics.COMMAND.key(self._fleet.name, robot),
@@ -178,16 +202,28 @@ class FleetLink:
                 return reply
             time.sleep(POLL_S)
 
-    def publish_estop(self) -> None:
-        """Publish the emergency stop once."""
+    def publish_estop(self, by: str | None = None) -> None:
+        """Publish the emergency stop once, in the name of `by` or of this process's user."""
         self._estops_sent += 1
         message = Estop(
             seq=self._estops_sent,
             t_ns=time.monotonic_ns(),
             wall_ns=time.time_ns(),
-            operator=operator(),
+            operator=by or operator(),
         )
         self._estop.put(encode(message))
+
+    def announce_command(self, by: str, since_ns: int) -> None:
+        """Publish who is in command at this ground station; nobody where `by` is empty."""
+        self._announcements += 1
+        message = InCommand(
+            seq=self._announcements,
+            t_ns=time.monotonic_ns(),
+            wall_ns=time.time_ns(),
+            operator=by,
+            since_ns=since_ns,
+        )
+        self._in_command.put(encode(message))
 
     def estop(self, timeout_s: float) -> dict[str, bool]:
         """Repeat the emergency stop until every robot reports ESTOP, or the time is over.

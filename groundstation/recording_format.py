@@ -48,13 +48,14 @@ def info(fleet: Fleet, wall_ns: int, part: int, mode: str, seed: int) -> Recordi
 
 def expected_keys(fleet: Fleet) -> list[str]:
     """Keys that a run of this fleet is expected to bring."""
-    names = [topics.ESTOP.key(fleet.name)]
+    everyones = [topic for topic in topics.PUBLISHED if topic.key("", "") == topic.key("", "*")]
+    names = [topic.key(fleet.name) for topic in everyones]
     for robot, settings in fleet.robots.items():
         other = topics.POSE if settings.leader is not None else topics.RELATIVE
         names += [
             topic.key(fleet.name, robot)
             for topic in topics.PUBLISHED
-            if topic is not topics.ESTOP and topic is not other
+            if topic not in everyones and topic is not other
         ]
     return names
 
