@@ -1,8 +1,4 @@
-"""Plays a recording: play, pause, seek, 0.1 to 10 times real time. Pure: time is an argument.
-
-Nothing here is a Zenoh session, and every key gets a prefix that no robot's key has, so that what
-is replayed can reach nobody but who asks the player for it.
-"""
+"""Plays a recording: play, pause, seek, 0.1 to 10 times real time. Pure: time is an argument."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -18,7 +14,6 @@ from groundstation.errors import GroundError
 from groundstation.recording import keys_in, read_messages
 from groundstation.series import topic_of
 
-PREFIX = "replay/"
 SLOWEST, FASTEST = 0.1, 10.0
 NOT_SHOWN = frozenset((topics.CAN, topics.INPUTS, topics.ROBOT_START))
 """Topics that only a replay check needs."""
@@ -29,6 +24,7 @@ class Played(NamedTuple):
 
     time_s: float
     key: str
+    payload: bytes
     message: Message
 
 
@@ -43,10 +39,12 @@ class Row(NamedTuple):
 class Player:
     """A recording and where it is being played; paused at its beginning at first.
 
-    `now_s` is the caller's clock, any that goes on steadily.
+    `now_s` is the caller's clock, any that goes on steadily; `start_wall_s` is the wall time of the
+    first message.
     """
 
-    def __init__(self, rows: Sequence[Row], now_s: float) -> None:
+    def __init__(self, rows: Sequence[Row], now_s: float, start_wall_s: float = 0.0) -> None:
+        self.start_wall_s = start_wall_s
         self._rows = rows
         self._times = [row.time_s for row in rows]
         self._decoders: dict[str, msgspec.json.Decoder[msgspec.Struct]] = {}
@@ -122,7 +120,7 @@ class Player:
             decoder = self._decoders[row.key] = msgspec.json.Decoder(kind)
         message = decoder.decode(row.payload)
         assert isinstance(message, Message), "published topics carry messages"
-        return Played(row.time_s, PREFIX + row.key, message)
+        return Played(row.time_s, row.key, row.payload, message)
 
 
 def open_player(path: Path, now_s: float) -> Player:
@@ -136,7 +134,7 @@ def open_player(path: Path, now_s: float) -> Player:
         raise GroundError(f"{path} holds no message of a fleet: there is nothing to show")
     first_ns = found[0].wall_ns
     rows = [Row((each.wall_ns - first_ns) * 1e-9, each.key, each.payload) for each in found]
-    return Player(rows, now_s)
+    return Player(rows, now_s, first_ns * 1e-9)
 
 
 def _shown(topic: topics.Topic | None) -> bool:

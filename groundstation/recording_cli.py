@@ -1,4 +1,4 @@
-"""Commands about recordings: record, recover, replay."""
+"""Commands about recordings: record, recover, replay, report."""
 
 import sys
 import time
@@ -14,6 +14,7 @@ Recording = Annotated[Path, typer.Argument(metavar="RUN.MCAP", help="A recording
 RECORD_EXAMPLE = "Example: echelon record --fleet hardware.yaml --out today.mcap"
 RECOVER_EXAMPLE = "Example: echelon recover runs/first/run.mcap.active"
 REPLAY_EXAMPLE = "Example: echelon replay --check runs/first/run.mcap"
+REPORT_EXAMPLE = "Example: echelon report runs/first/run.mcap"
 
 
 def record(
@@ -79,14 +80,18 @@ def replay(
         bool,
         typer.Option("--check", help="Run the recorded inputs through the onboard code again."),
     ] = False,
+    host: Annotated[str, typer.Option(help="Address to serve the page on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8080,
     json: Json = False,
 ) -> None:
-    """Replay a recording; with --check, every output must be the same bit for bit."""
+    """Play a recording on the page; with --check, run it again and compare bit for bit."""
     with bad_input_told(json), signals_end_it("the recording is as it was"):
-        from groundstation.errors import GroundError
-
         if not check:
-            raise GroundError("say --check: the live page does not show recordings yet")
+            from groundstation.replay_page import show
+            from groundstation.web.server import Listen
+
+            show(path, Listen(host, port), lambda text: typer.echo(text, err=True))
+            return
         from groundstation import replay_check
 
         def progress(robot: str, step: int) -> None:
@@ -98,8 +103,36 @@ def replay(
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 
 
+def report(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="RUN.MCAP [OTHER.MCAP]", help="One or two recordings.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html and report.pdf; default: beside.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write one HTML file and a PDF about a run, or about two beside each other."""
+    with bad_input_told(json), signals_end_it("the report is not complete"):
+        import msgspec
+
+        from groundstation.report import write_report
+
+        written = write_report(paths, out)
+        if json:
+            typer.echo(msgspec.json.encode(written).decode())
+        else:
+            for run in written.runs:
+                typer.echo(f"{run.recording}: {run.verdict}")
+                for why in run.why:
+                    typer.echo(f"- {why}")
+            typer.echo(f"report: {written.html}, {written.pdf}")
+    raise typer.Exit(0 if all(run.verdict == "pass" for run in written.runs) else NOT_GOOD)
+
+
 def add_commands(app: typer.Typer) -> None:
     """Put these commands into the command line."""
     app.command(epilog=RECORD_EXAMPLE)(record)
     app.command(epilog=RECOVER_EXAMPLE)(recover)
     app.command(epilog=REPLAY_EXAMPLE)(replay)
+    app.command(epilog=REPORT_EXAMPLE)(report)

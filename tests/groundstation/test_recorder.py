@@ -264,7 +264,7 @@ def _foreign(path: Path, profile: str, version: int | None) -> None:
         writer.start(profile=profile)
         schema = writer.register_schema("any", "jsonschema", b"{}")
         channel = writer.register_channel(INFO if version else "chatter", "json", schema)
-        told = {
+        told: dict[str, object] = {
             "version": version,
             "wall_ns": 0,
             "part": 1,
