@@ -100,8 +100,8 @@ def _position(axes: Axes, bands: Mapping[str, Band], colour: str) -> None:
         axes.plot(x.time_s[keep], error[keep], color=colour, lw=1.1, label="error")
     claimed = np.hypot(x.std, y.std)
     axes.plot(x.time_s[keep], claimed[keep], color=INK, lw=1.0, ls="--", label="deviation claimed")
-    axes.set_ylim(bottom=0)
-    axes.legend(frameon=False, fontsize=8, loc="upper right")
+    axes.set_ylim(0, 1.2 * axes.get_ylim()[1])
+    axes.legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
 
 
 def _followers(told: Told) -> Picture | None:

@@ -28,6 +28,8 @@ def judgement(told: Told) -> Table:
     """Every value beside its bar."""
     rows = []
     for what, value, limit, unit in judged_rows(told.judged, told.fleet.mission.acceptance):
+        if unit == "ms":
+            continue  # the table of loops has more of it
         mark = PLAIN
         if limit is not None:
             at_least = what.startswith("smallest")
@@ -64,13 +66,18 @@ def loops(told: Told) -> Table:
             continue
         loop, bus = found[-1].loop, found[-1].bus
         bad = loop.overruns > told.fleet.mission.acceptance.overrun_fraction * max(loop.cycles, 1)
-        cells = (
-            name,
+        timing = (
             f"{loop.p50_ms:.2f}",
             f"{loop.p99_ms:.2f}",
             f"{loop.max_ms:.2f}",
             f"{loop.overruns} of {loop.cycles}",
             "yes" if loop.realtime else "no",
+        )
+        if told.info.mode == "lockstep":
+            timing = ("virtual", "", "", "", "")
+        cells = (
+            name,
+            *timing,
             f"{bus.load:.0%}",
             f"{bus.error_frames}",
             f"{bus.send_failures}",
