@@ -270,13 +270,6 @@ class CanFrame(msgspec.Struct, frozen=True):
     remote: bool = False
 
 
-class CanFrames(Message, frozen=True, kw_only=True):
-    """All frames that one step received and sent; `seq` is the number of the step."""
-
-    robot: str
-    frames: list[CanFrame]
-
-
 class StepRequest(msgspec.Struct, frozen=True):
     """An operator's command as it reached the step, with its number."""
 
@@ -291,11 +284,12 @@ class StepReply(msgspec.Struct, frozen=True):
     reply: CommandReply
 
 
-class StepInputs(Message, frozen=True, kw_only=True):
-    """What one step consumed besides the frames of `CanFrames` with the same `seq`, losslessly.
+class StepRecord(Message, frozen=True, kw_only=True):
+    """All that one step of a robot consumed, losslessly, and its frames; `seq` counts the steps.
 
-    `now_s` and `wall_s` are the clocks as the step saw them. `replies` and `messages_crc`, the
-    CRC-32 of the encoded messages in their order, belong to its output.
+    `now_s` and `wall_s` are the clocks as the step saw them, `frames` what was on the bus in both
+    directions. `replies` and `messages_crc`, the CRC-32 of the encoded messages in their order,
+    belong to its output.
     """
 
     robot: str
@@ -304,6 +298,7 @@ class StepInputs(Message, frozen=True, kw_only=True):
     late_s: float
     bus: BusHealth
     loop: LoopHealth
+    frames: list[CanFrame]
     motions: list[Motion] = []
     requests: list[StepRequest] = []
     estops: list[Estop] = []

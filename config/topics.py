@@ -47,8 +47,7 @@ OBSERVABILITY = Topic(
 
 BEARINGS = Topic("bearings", "echelon/{fleet}/{robot}/bearings", messages.Bearings, 10.0, 0.5)
 PARTICLES = Topic("particles", "echelon/{fleet}/{robot}/particles", messages.Particles, 2.0, 2.0)
-CAN = Topic("can", "echelon/{fleet}/{robot}/can", messages.CanFrames, 100.0, 0.5)
-INPUTS = Topic("inputs", "echelon/{fleet}/{robot}/inputs", messages.StepInputs, 100.0, 0.5)
+STEP = Topic("step", "echelon/{fleet}/{robot}/step", messages.StepRecord, 100.0, 0.5)
 ROBOT_START = Topic("start", "echelon/{fleet}/{robot}/start", messages.RobotStart, 0.1)
 
 ROBOTS_OWN: tuple[Topic, ...] = (
@@ -62,7 +61,7 @@ ROBOTS_OWN: tuple[Topic, ...] = (
     PARTICLES,
 )
 """What every robot tells the fleet and the operator."""
-STEP_RECORD: tuple[Topic, ...] = (CAN, INPUTS, ROBOT_START)
+STEP_RECORD: tuple[Topic, ...] = (STEP, ROBOT_START)
 """What every robot publishes so that its run can be replayed through the same code."""
 SIM_BUS = Topic("bus", "sim/{fleet}/{robot}/bus", messages.SimulatedBus, 1.0, 3.0)
 FAULT = Topic("fault", "sim/{fleet}/{robot}/fault", messages.FaultOrder, recorded=False)

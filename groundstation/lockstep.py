@@ -32,7 +32,7 @@ from onboard.canbus.bus_errors import BusUnavailable
 from onboard.canbus.port import CanPort
 from onboard.robot import Robot
 from onboard.step import Inputs, Request
-from onboard.step_record import StepRecord
+from onboard.step_record import StepRecorder
 from sim_hw.dataset.devices import PlaybackRobot
 from sim_hw.dataset.mrclam import DataSetError, Recording, read_recording, robots_in
 from sim_hw.fleet import SimulatedFleet
@@ -83,7 +83,7 @@ class Station:
         recorded: bool = False,
     ) -> None:
         self.robot = Robot(fleet, name, db, seed)
-        self._record = StepRecord(fleet, name, seed) if recorded else None
+        self._record = StepRecorder(fleet, name, seed) if recorded else None
         self.host_bus = DirectBus(devices, name, START_S, WALL_OFFSET_S)
         self.port = CanPort(self.host_bus, fleet.robots[name].can.bitrate, self._reopen)
         self._devices, self._name = devices, name

@@ -15,7 +15,7 @@ from groundstation.recording import keys_in, read_messages
 from groundstation.series import topic_of
 
 SLOWEST, FASTEST = 0.1, 10.0
-NOT_SHOWN = frozenset((topics.CAN, topics.INPUTS, topics.ROBOT_START))
+NOT_SHOWN = frozenset(topics.STEP_RECORD)
 """Topics that only a replay check needs."""
 
 

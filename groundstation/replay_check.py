@@ -13,10 +13,9 @@ from config import topics
 from config.can.database import CanDatabase
 from config.can.frame import Frame
 from config.messages import (
-    CanFrames,
     Message,
     RobotStart,
-    StepInputs,
+    StepRecord,
     StepReply,
     Version,
     encode,
@@ -30,7 +29,7 @@ from onboard.step import Outputs
 from onboard.step_record import inputs_of, messages_crc, sent_frames, versions
 
 Progress = Callable[[str, int], None]
-COMPARED = (topics.ROBOT_START, topics.CAN, topics.INPUTS, *topics.ROBOTS_OWN)
+COMPARED = (*topics.STEP_RECORD, *topics.ROBOTS_OWN)
 SHOWN_CHARACTERS = 160
 PROGRESS_EVERY = 500
 
@@ -51,13 +50,12 @@ class Gap(msgspec.Struct, frozen=True):
     """Steps that were not recorded: from the first of them on the robot cannot be replayed."""
 
     first: int
-    last: int | None
-    t_s: float | None
+    last: int
+    t_s: float
 
     def __str__(self) -> str:
-        steps = f"step {self.first} on" if self.last is None else f"{self.first} to {self.last}"
-        at = "" if self.t_s is None else f" before {self.t_s:.3f} s"
-        return f"steps {steps}{at} are missing in the recording"
+        steps = f"{self.first} to {self.last}, before {self.t_s:.3f} s"
+        return f"steps {steps}, are missing in the recording"
 
 
 class RobotCheck(msgspec.Struct, frozen=True):
@@ -89,8 +87,7 @@ class _Record:
 
     def __init__(self) -> None:
         self.start: RobotStart | None = None
-        self.inputs: dict[int, StepInputs] = {}
-        self.can: dict[int, CanFrames] = {}
+        self.steps: dict[int, StepRecord] = {}
         self.told: dict[tuple[str, int], bytes] = {}
 
 
@@ -132,10 +129,7 @@ def _findings(robot: RobotCheck) -> Iterator[str]:
 
 def _records(path: Path) -> dict[str, _Record]:
     wanted = [key for key in keys_in(path) if topic_of(key) in COMPARED]
-    decoders = {
-        topic: msgspec.json.Decoder(topic.message)
-        for topic in (topics.ROBOT_START, topics.CAN, topics.INPUTS)
-    }
+    decoders = {topic: msgspec.json.Decoder(topic.message) for topic in topics.STEP_RECORD}
     head = msgspec.json.Decoder(Message)
     addresses = {key: keys.parse(key) for key in wanted}
     records: dict[str, _Record] = {}
@@ -153,7 +147,7 @@ def _records(path: Path) -> dict[str, _Record]:
                 f"{path}: a message on {each.key} is not understood, it was recorded by another "
                 f"version of Echelon: {error}"
             ) from error
-    replayable = {name: record for name, record in records.items() if record.inputs}
+    replayable = {name: record for name, record in records.items() if record.steps}
     if not replayable:
         raise GroundError(
             f"{path} holds no robot's inputs: there is nothing to replay (they are on the topics "
@@ -165,17 +159,14 @@ def _records(path: Path) -> dict[str, _Record]:
 def _keep(record: _Record, message: msgspec.Struct) -> None:
     if isinstance(message, RobotStart):
         record.start = record.start or message
-    elif isinstance(message, StepInputs):
-        record.inputs[message.seq] = message
-    elif isinstance(message, CanFrames):
-        record.can[message.seq] = message
+    elif isinstance(message, StepRecord):
+        record.steps[message.seq] = message
 
 
 def _check_robot(name: str, record: _Record, progress: Progress | None) -> RobotCheck:
-    # The two halves of the last step may not both have arrived.
-    first, last = min(record.inputs), min(max(record.inputs), max(record.can, default=-1))
-    if record.start is None or first != 0 or last < 0:
-        gap = Gap(0, first - 1 if first else 0, record.inputs[first].now_s)
+    first, last = min(record.steps), max(record.steps)
+    if record.start is None or first != 0:
+        gap = Gap(0, first - 1 if first else 0, record.steps[first].now_s)
         return RobotCheck(name, 0, 0, gap=gap)
     start = record.start
     fleet = parse_fleet(start.fleet_json, f"the fleet that {name} was started with")
@@ -183,12 +174,13 @@ def _check_robot(name: str, record: _Record, progress: Progress | None) -> Robot
     other = _other_versions(start.versions)
     compared = 0
     for number in range(last + 1):
-        inputs, can = record.inputs.get(number), record.can.get(number)
-        if inputs is None or can is None:
-            gap = _gap(record, number, last)
+        step = record.steps.get(number)
+        if step is None:
+            after = next(n for n in range(number, last + 1) if n in record.steps)
+            gap = Gap(number, after - 1, record.steps[after].now_s)
             return RobotCheck(name, number, compared, gap=gap, other_versions=other)
-        outputs = robot.step(inputs_of(inputs, can))
-        count, difference = _compare(fleet.name, name, record, inputs, can, outputs)
+        outputs = robot.step(inputs_of(step))
+        count, difference = _compare(fleet.name, name, record, step, outputs)
         compared += count
         if difference is not None:
             return RobotCheck(name, number, compared, difference, other_versions=other)
@@ -197,27 +189,18 @@ def _check_robot(name: str, record: _Record, progress: Progress | None) -> Robot
     return RobotCheck(name, last + 1, compared, other_versions=other)
 
 
-def _gap(record: _Record, first: int, last: int) -> Gap:
-    whole = (n for n in range(first, last + 1) if n in record.inputs and n in record.can)
-    after = next(whole, None)
-    if after is None:
-        return Gap(first, None, None)
-    return Gap(first, after - 1, record.inputs[after].now_s)
-
-
 def _compare(
     fleet: str,
     name: str,
     record: _Record,
-    inputs: StepInputs,
-    can: CanFrames,
+    step: StepRecord,
     outputs: Outputs,
 ) -> tuple[int, Difference | None]:
     """How many recorded messages were compared, and the first output that is another one."""
     compared = 0
 
     def differs(topic: topics.Topic, what: str) -> tuple[int, Difference]:
-        return compared, Difference(topic.key(fleet, name), inputs.now_s, inputs.seq, what)
+        return compared, Difference(topic.key(fleet, name), step.now_s, step.seq, what)
 
     for topic, message in outputs.messages:
         recorded = record.told.get((topic.key(fleet, name), message.seq))
@@ -227,17 +210,17 @@ def _compare(
         replayed = encode(message)
         if recorded != replayed:
             return differs(topic, _both(recorded, replayed))
-    wanted = sent_frames(can)
+    wanted = sent_frames(step)
     if wanted != outputs.frames:
-        return differs(topics.CAN, _first_frame(wanted, outputs.frames))
+        return differs(topics.STEP, _first_frame(wanted, outputs.frames))
     replies = [StepReply(*reply) for reply in outputs.replies]
-    if replies != inputs.replies:
-        return differs(topics.COMMAND, _both(encode_all(inputs.replies), encode_all(replies)))
-    if messages_crc(outputs) != inputs.messages_crc:
+    if replies != step.replies:
+        return differs(topics.COMMAND, _both(encode_all(step.replies), encode_all(replies)))
+    if messages_crc(outputs) != step.messages_crc:
         told = ", ".join(topic.name for topic, _ in outputs.messages) or "none"
         return differs(
-            topics.INPUTS,
-            f"check sum of the step's messages was {inputs.messages_crc:08x}, is "
+            topics.STEP,
+            f"check sum of the step's messages was {step.messages_crc:08x}, is "
             f"{messages_crc(outputs):08x}; the replay's messages are {told}, the recorded one that "
             "differs was not received",
         )

@@ -90,7 +90,7 @@ def read_told(path: Path) -> Told:
 
 
 def _steps(path: Path, origin: int) -> dict[str, Steps]:
-    wanted = [key for key in keys_in(path) if topic_of(key) is topics.INPUTS]
+    wanted = [key for key in keys_in(path) if topic_of(key) is topics.STEP]
     decoder = msgspec.json.Decoder(_Light)
     rows: dict[str, list[tuple[float, float, float]]] = {}
     for each in read_messages(path, wanted) if wanted else ():

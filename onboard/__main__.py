@@ -17,7 +17,7 @@ from onboard.canbus.port import BusUnavailable, CanPort
 from onboard.link import Link, LinkUnavailable
 from onboard.loop import run
 from onboard.robot import Robot
-from onboard.step_record import StepRecord
+from onboard.step_record import StepRecorder
 from onboard.timing import LoopStatistics
 
 BAD_INPUT = 2
@@ -53,7 +53,7 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
     settings = fleet.robots[name]
     can, channel = settings.can, expand_channel(fleet, name)
     robot = Robot(fleet, name, CanDatabase.load(), seed)
-    record = StepRecord(fleet, name, seed)
+    record = StepRecorder(fleet, name, seed)
     stop_signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: stop_signals.append(received))

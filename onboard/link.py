@@ -133,7 +133,7 @@ class Link:
         """
         self._records.extend((topic.name, encode(message)) for topic, message in messages)
         if not self._recorded_by_someone:
-            status = self._publishers[topics.INPUTS.name].matching_status
+            status = self._publishers[topics.STEP.name].matching_status
             self._recorded_by_someone = status.matching  # type: ignore[attr-defined]  # the stub says bool
             return
         for _ in range(min(RECORD_BURST, len(self._records))):

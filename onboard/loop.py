@@ -14,7 +14,7 @@ from onboard.canbus.port import CanPort
 from onboard.link import Link
 from onboard.robot import Robot
 from onboard.step import Inputs
-from onboard.step_record import StepRecord
+from onboard.step_record import StepRecorder
 from onboard.timing import LoopStatistics, Schedule
 
 # A thread that holds the interpreter gives it up this often; the default of 5 ms is half a cycle.
@@ -28,7 +28,7 @@ def run(
     period_s: float,
     statistics: LoopStatistics,
     black_box: BlackBox | None,
-    record: StepRecord,
+    record: StepRecorder,
     shutdown: Callable[[], bool],
 ) -> None:
     """Step the robot until it is asked to shut down and has come to rest."""

@@ -12,10 +12,9 @@ from config.can.frame import Frame
 from config.fleet import Fleet
 from config.messages import (
     CanFrame,
-    CanFrames,
     Message,
     RobotStart,
-    StepInputs,
+    StepRecord,
     StepReply,
     StepRequest,
     Version,
@@ -28,7 +27,7 @@ LIBRARIES = ("echelon", "numpy", "msgspec", "python-can", "eclipse-zenoh")
 START_EVERY_STEPS = 1000
 
 
-class StepRecord:
+class StepRecorder:
     """Numbers the steps of one robot and makes their record."""
 
     def __init__(self, fleet: Fleet, name: str, seed: int) -> None:
@@ -58,8 +57,7 @@ class StepRecord:
             *[CanFrame(each[0], each[1].hex(), each[2], False, each[3]) for each in inputs.frames],
             *[CanFrame(each[0], each[1].hex(), each[2], True, each[3]) for each in outputs.frames],
         ]
-        can = CanFrames(seq=seq, t_ns=t_ns, wall_ns=wall_ns, robot=name, frames=frames)
-        rest = StepInputs(
+        step = StepRecord(
             seq=seq,
             t_ns=t_ns,
             wall_ns=wall_ns,
@@ -69,6 +67,7 @@ class StepRecord:
             late_s=inputs.late_s,
             bus=inputs.bus,
             loop=inputs.loop,
+            frames=frames,
             motions=inputs.motions,
             requests=[StepRequest(*request) for request in inputs.requests],
             estops=inputs.estops,
@@ -80,16 +79,16 @@ class StepRecord:
             replies=[StepReply(*reply) for reply in outputs.replies],
             messages_crc=messages_crc(outputs),
         )
-        record += [(topics.CAN, can), (topics.INPUTS, rest)]
+        record.append((topics.STEP, step))
         return record
 
 
-def inputs_of(record: StepInputs, can: CanFrames) -> Inputs:
-    """The inputs of the step that these two messages record."""
+def inputs_of(record: StepRecord) -> Inputs:
+    """The inputs of the recorded step."""
     return Inputs(
         now_s=record.now_s,
         wall_s=record.wall_s,
-        frames=[_frame(each) for each in can.frames if not each.sent],
+        frames=[_frame(each) for each in record.frames if not each.sent],
         bus=record.bus,
         loop=record.loop,
         late_s=record.late_s,
@@ -104,9 +103,9 @@ def inputs_of(record: StepInputs, can: CanFrames) -> Inputs:
     )
 
 
-def sent_frames(can: CanFrames) -> list[Frame]:
+def sent_frames(record: StepRecord) -> list[Frame]:
     """The frames that the recorded step put out."""
-    return [_frame(each) for each in can.frames if each.sent]
+    return [_frame(each) for each in record.frames if each.sent]
 
 
 def messages_crc(outputs: Outputs) -> int:

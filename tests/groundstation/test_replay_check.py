@@ -8,7 +8,7 @@ import pytest
 
 from config import topics
 from config.fleet import Fleet
-from config.messages import RelativeEstimate, StepInputs
+from config.messages import RelativeEstimate, StepRecord
 from groundstation import keys
 from groundstation.errors import GroundError
 from groundstation.lockstep import START_WALL_NS, Lockstep
@@ -79,11 +79,11 @@ def test_a_change_of_a_billionth_in_the_estimator_is_named_with_topic_and_time(
 
 
 def test_missing_steps_are_a_gap_and_no_difference(tmp_path: Path) -> None:
-    decoder = msgspec.json.Decoder(StepInputs)
+    decoder = msgspec.json.Decoder(StepRecord)
 
     def keep(key: str, body: bytes) -> bool:
         address = keys.parse(key)
-        dropped = address.topic is topics.INPUTS and address.robot == "r2"
+        dropped = address.topic is topics.STEP and address.robot == "r2"
         return not (dropped and decoder.decode(body).seq in (20, 21))
 
     _record(tmp_path / "run.mcap", shipped("demo"), mission=False, keep=keep)
