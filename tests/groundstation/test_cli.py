@@ -15,11 +15,12 @@ from groundstation.endpoints import with_real_port
 from groundstation.fleet_link import ANY_LOOPBACK, FleetLink
 from tests.groundstation.fake_robot import FakeRobot, robots
 
-COMMANDS = ("demo", "status", "arm", "start", "stop", "estop", "reset")
+COMMANDS = ("demo", "status", "arm", "start", "stop", "estop", "reset", "record")
+ABOUT_FILES = ("recover", "replay", "report")
 RUNNER = CliRunner()
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*COMMANDS, *ABOUT_FILES])
 def test_help_shows_an_example(command: str) -> None:
     result = RUNNER.invoke(app, [command, "--help"])
     assert result.exit_code == 0
