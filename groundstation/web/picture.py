@@ -104,6 +104,8 @@ class FleetPicture:
     def _address(self, key: str) -> keys.Address | None:
         if key not in self._addresses:
             try:
+                if not key.startswith(self._prefix):
+                    raise ValueError(f"{key!r} does not begin with {self._prefix!r}")
                 found = keys.parse(key.removeprefix(self._prefix))
             except ValueError:
                 self._addresses[key] = None
