@@ -73,8 +73,8 @@ export class FleetMap {
     this.theme();
   }
 
-  // Called for every frame; `sample` ten times a second, when trails grow.
-  show(frames, sample) {
+  // Takes every frame; `sample` ten times a second, when trails grow.
+  take(frames, sample) {
     this.frames = frames;
     if (sample) {
       frames.forEach((frame, index) => {
@@ -82,6 +82,9 @@ export class FleetMap {
         extend(this.trueTrails[index], frame.truth);
       });
     }
+  }
+
+  show() {
     if (this.layers.follow) this.fit(0.12);
     this.draw();
   }
