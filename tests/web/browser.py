@@ -21,6 +21,17 @@ from tests.processes.running import BIN, wait_for, write_fleet
 # Names resolve to nothing: a request to another machine would fail, and be told as a failure.
 ARGUMENTS = ["--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1", "--disable-gpu"]
 PATIENCE_MS = 20_000
+PATIENT_S = 2.0
+PATIENT_ROWS = (
+    "drive_heartbeat_lost",
+    "drive_estimate_stale",
+    "encoder_stale",
+    "bearings_stale",
+    "leader_stale",
+    "loop_overrun",
+    "safety_node_lost",
+    "watchdog_trip",
+)
 TICK_HZ = os.sysconf("SC_CLK_TCK")
 
 
@@ -78,7 +89,8 @@ class Processes:
     """Processes of one fleet in its own folder for sockets, ended together."""
 
     def __init__(self, fleet: Fleet, folder: Path) -> None:
-        self.fleet = rehearsal(fleet.model_copy(update={"ground": "tcp/127.0.0.1:0"}), folder).fleet
+        fleet = patient(fleet).model_copy(update={"ground": "tcp/127.0.0.1:0"})
+        self.fleet = rehearsal(fleet, folder).fleet
         self._folder, self._path = folder, write_fleet(folder, self.fleet)
         self._running: list[subprocess.Popen[bytes]] = []
 
@@ -123,6 +135,20 @@ class Processes:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def patient(fleet: Fleet) -> Fleet:
+    """The fleet with long timeouts: a browser and the fleet share this machine's two cores."""
+    robots = {}
+    for name, robot in fleet.robots.items():
+        rows = {
+            row: getattr(robot.failsafe, row).model_copy(update={"after_s": PATIENT_S})
+            for row in PATIENT_ROWS
+        }
+        failsafe = robot.failsafe.model_copy(update=rows)
+        robots[name] = robot.model_copy(update={"failsafe": failsafe})
+    simulation = fleet.simulation.model_copy(update={"watchdog_s": PATIENT_S})
+    return fleet.model_copy(update={"robots": robots, "simulation": simulation})
 
 
 @contextmanager

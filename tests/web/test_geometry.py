@@ -7,15 +7,17 @@ import pytest
 
 from config.messages import RelativeEstimate
 from groundstation.web.geometry import (
-    Placed,
+    Place,
     behind,
     ellipse_95,
     offset_from,
     seen_in_leader_axes,
+    spread_behind,
 )
 from tests.groundstation.synthetic import times
 
-LEADER = Placed(3.0, -1.0, 0.7, (4e-4, 1e-4, 2e-5, 1e-4, 9e-4, -1e-5, 2e-5, -1e-5, 1e-4))
+LEADER = Place(3.0, -1.0, 0.7)
+LEADER_SPREAD = (4e-4, 1e-4, 2e-5, 1e-4, 9e-4, -1e-5, 2e-5, -1e-5, 1e-4)
 RANGE_M, BEARING_RAD, ALPHA_RAD = 0.8, 0.6, -0.3
 SPREAD = np.array([[1e-4, 2e-5, 0], [2e-5, 4e-4, 1e-5], [0, 1e-5, 2e-4]])
 
@@ -47,19 +49,19 @@ def test_a_follower_is_placed_where_it_sees_its_leader_from() -> None:
 
 def test_its_spread_is_that_of_many_drawn_at_random() -> None:
     rng = np.random.default_rng(1)
-    leaders = rng.multivariate_normal(LEADER[:3], np.reshape(LEADER.covariance, (3, 3)), 200_000)
+    leaders = rng.multivariate_normal(LEADER, np.reshape(LEADER_SPREAD, (3, 3)), 200_000)
     views = rng.multivariate_normal((RANGE_M, BEARING_RAD, ALPHA_RAD), SPREAD, 200_000)
     heading = leaders[:, 2] - views[:, 2]
     towards = heading + views[:, 1]
     x = leaders[:, 0] - views[:, 0] * np.cos(towards)
     y = leaders[:, 1] - views[:, 0] * np.sin(towards)
     drawn = np.cov(np.stack([x, y, heading]))
-    told = np.reshape(behind(LEADER, seen()).covariance, (3, 3))
+    told = np.reshape(spread_behind(LEADER, LEADER_SPREAD, seen()), (3, 3))
     assert np.abs(told - drawn).max() < 0.03 * np.abs(drawn).max()
 
 
 def test_the_ellipse_holds_95_percent() -> None:
-    covariance = behind(LEADER, seen()).covariance
+    covariance = spread_behind(LEADER, LEADER_SPREAD, seen())
     ellipse = ellipse_95(covariance)
     rng = np.random.default_rng(2)
     plane = np.reshape(covariance, (3, 3))[:2, :2]
