@@ -23,6 +23,11 @@ class Topic:
     stale_after_s: float = 0.0
     recorded: bool = True
 
+    @property
+    def per_robot(self) -> bool:
+        """Whether every robot has a key of its own, and with it one publisher."""
+        return "{robot}" in self.template
+
     def key(self, fleet: str, robot: str = "*") -> str:
         """Key expression of this topic for one robot, or for all of them."""
         return self.template.format(fleet=fleet, robot=robot)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from config import topics
 from config.fleet import Fleet
 from config.messages import Event, encode
-from groundstation.fleet_link import POLL_S, FleetLink
+from groundstation.fleet_link import POLL_S, FleetLink, Heard
 from groundstation.formation_tree import leader_of, start_order
 from groundstation.mission_log import BAD_STATES, COMPLETE, GROUND_STATION
 from groundstation.progress import Display
@@ -53,13 +53,16 @@ class Conductor:
         recorder: Recorder,
         supervisor: Supervisor,
         display: Display,
+        hear: Callable[[Sequence[Heard]], None],
     ) -> None:
+        """`hear` gets every message that arrives, after it was recorded."""
         self._fleet = fleet
         self._commands = commands
         self._link = link
         self._recorder = recorder
         self._supervisor = supervisor
         self._display = display
+        self._hear = hear
         self._phase = "starting"
         self._started_s = time.monotonic()
 
@@ -209,8 +212,10 @@ class Conductor:
 
     def _pump(self) -> None:
         """Take in and record what arrived, and show it."""
-        for key, payload, message in self._link.poll():
+        heard = self._link.poll()
+        for key, payload, message in heard:
             self._recorder.write(key, payload, message.wall_ns)
+        self._hear(heard)
         for text in self._link.unreadable:
             self._display.note(text)
         self._link.unreadable.clear()

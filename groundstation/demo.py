@@ -18,7 +18,7 @@ from groundstation.conductor import Commands, Conductor
 from groundstation.evaluate import evaluate
 from groundstation.figures import draw_formation, draw_trajectories
 from groundstation.fleet_link import FleetLink
-from groundstation.progress import display
+from groundstation.progress import Display, display
 from groundstation.recorder import About, Recorder
 from groundstation.recovery import save_left_behind
 from groundstation.rehearsal import rehearsal
@@ -26,6 +26,8 @@ from groundstation.run_folder import RunFolder
 from groundstation.series import read_run
 from groundstation.summary import Fault, Mode, Summary
 from groundstation.supervisor import Supervisor
+from groundstation.web.live import HandedSource, LinkCommands
+from groundstation.web.server import Listen, PageServer
 
 FAULTS = "faults.yaml"
 
@@ -87,12 +89,23 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
             display(options.console) as shown,
         ):
             commands = _commands(fleet, folder, options)
-            conductor = Conductor(fleet, commands, link, recorder, supervisor, shown)
-            try:
-                return conductor.drive()
-            except KeyboardInterrupt:
-                conductor.bring_to_rest()
-                raise
+            page = HandedSource(link)
+            with _page(fleet, link, page, shown):
+                conductor = Conductor(fleet, commands, link, recorder, supervisor, shown, page.hand)
+                try:
+                    return conductor.drive()
+                except KeyboardInterrupt:
+                    conductor.bring_to_rest()
+                    raise
+
+
+def _page(fleet: Fleet, link: FleetLink, source: HandedSource, shown: Display) -> PageServer:
+    """The live page, on another port where the usual one is taken."""
+    listen = Listen(or_any_port=True)
+    server = PageServer(fleet, source, LinkCommands(fleet, link), listen=listen)
+    taken = "" if server.port == listen.port else f" (port {listen.port} is in use)"
+    shown.note(f"page: {server.url}{taken}")
+    return server
 
 
 def _about(options: Options) -> About:

@@ -71,7 +71,7 @@ class FleetLink:
         }
         self._addresses: dict[str, keys.Address] = {}
         self._subscribers = [
-            self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG))
+            (topic, self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG)))
             for topic in hear
         ]
         self._tokens = self._session.liveliness().declare_subscriber(
@@ -117,8 +117,11 @@ class FleetLink:
     ) -> None:
         self._session.close()
 
-    def poll(self) -> list[Heard]:
+    def poll(self, newest: bool = False) -> list[Heard]:
         """Everything that arrived since the last call, also taken into `view`.
+
+        With `newest`, only the last message per key of topics that are published at a rate: much
+        cheaper for who wants to see the present.
 
         A message that cannot be read is left out and named in `unreadable`. A ground station's
         heartbeat goes out from here, so that it stops where nobody looks at the fleet any more.
@@ -131,8 +134,16 @@ class FleetLink:
             else:
                 self.view.alive.discard(process)
         heard: list[Heard] = []
-        for subscriber in self._subscribers:
-            while (sample := subscriber.handler.try_recv()) is not None:
+        for topic, subscriber in self._subscribers:
+            receive = subscriber.handler.try_recv
+            if newest and topic.rate_hz > 0 and topic.per_robot:
+                last: dict[str, zenoh.Sample] = {}
+                while (sample := receive()) is not None:
+                    last[str(sample.key_expr)] = sample
+                for key, sample in last.items():
+                    self._take(key, sample.payload.to_bytes(), heard)
+                continue
+            while (sample := receive()) is not None:
                 self._take(str(sample.key_expr), sample.payload.to_bytes(), heard)
         return heard
 

@@ -94,6 +94,11 @@ class FoxgloveServer:
         self.channels = [*_channels(fleet, prefix)]
         self._ids = {channel.topic: channel.id for channel in self.channels}
 
+    @property
+    def watched(self) -> bool:
+        """Whether any viewer is connected."""
+        return bool(self._viewers)
+
     def hear(self, arrivals: Iterable[Arrival]) -> None:
         """Hand messages on to the viewers."""
         if not self._viewers:

@@ -12,13 +12,12 @@ CHI_SQUARE_95 = 5.991464547107979
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
 
 
-class Placed(NamedTuple):
-    """Front-wheel midpoint [m], body heading [rad] and their 3 x 3 covariance, row by row."""
+class Place(NamedTuple):
+    """Front-wheel midpoint [m] and body heading [rad]."""
 
     x_m: float
     y_m: float
     heading_rad: float
-    covariance: Matrix3
 
 
 class Ellipse(NamedTuple):
@@ -29,28 +28,34 @@ class Ellipse(NamedTuple):
     direction_rad: float
 
 
-def placed(pose: PoseEstimate) -> Placed:
-    """A robot that localises itself; the fork's direction is left out of the covariance."""
+def spread_of(pose: PoseEstimate) -> Matrix3:
+    """Covariance of (x, y, heading) of a robot that localises itself, row by row."""
     c = pose.covariance
-    rows = (c[0], c[1], c[3], c[4], c[5], c[7], c[12], c[13], c[15])
-    return Placed(pose.x_m, pose.y_m, pose.heading_rad, rows)
+    return c[0], c[1], c[3], c[4], c[5], c[7], c[12], c[13], c[15]
 
 
-def behind(leader: Placed, seen: RelativeEstimate) -> Placed:
-    """The follower that sees its leader so, linearised; both estimates count as independent."""
+def behind(leader: Place, seen: RelativeEstimate) -> Place:
+    """The follower that sees its leader so."""
     heading = leader.heading_rad - seen.heading_rad
-    away = heading + seen.bearing_rad
+    away, rho = heading + seen.bearing_rad, seen.range_m
+    return Place(
+        leader.x_m - rho * math.cos(away), leader.y_m - rho * math.sin(away), wrap(heading)
+    )
+
+
+def spread_behind(leader: Place, spread: Matrix3, seen: RelativeEstimate) -> Matrix3:
+    """The follower's covariance, linearised; both estimates count as independent."""
+    away = leader.heading_rad - seen.heading_rad + seen.bearing_rad
     ux, uy, rho = math.cos(away), math.sin(away), seen.range_m
     # d(x, y, heading) by the leader's (x, y, heading) and by (range, bearing, alpha):
     by_leader = (1.0, 0.0, rho * uy, 0.0, 1.0, -rho * ux, 0.0, 0.0, 1.0)
     by_seen = (-ux, rho * uy, -rho * uy, -uy, -rho * ux, rho * ux, 0.0, 0.0, -1.0)
     c = seen.covariance
     relative = (c[0], c[1], c[2], c[4], c[5], c[6], c[8], c[9], c[10])
-    spread = _sum(_carried(by_leader, leader.covariance), _carried(by_seen, relative))
-    return Placed(leader.x_m - rho * ux, leader.y_m - rho * uy, wrap(heading), spread)
+    return _sum(_carried(by_leader, spread), _carried(by_seen, relative))
 
 
-def offset_from(leader: Placed, forward_m: float, left_m: float) -> tuple[float, float]:
+def offset_from(leader: Place, forward_m: float, left_m: float) -> tuple[float, float]:
     """A point [m] given in a robot's body axes."""
     cos, sin = math.cos(leader.heading_rad), math.sin(leader.heading_rad)
     return (

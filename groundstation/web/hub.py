@@ -20,6 +20,8 @@ from groundstation.web.picture import FleetPicture
 FRAME_PERIOD_S = 1 / 30
 ROWS_EVERY, CONTROL_EVERY = 6, 15
 """Frames between two tables, and between two looks at who is in command."""
+UNWATCHED_EVERY = 3
+"""While nobody looks, so many frames make one sample of the history."""
 
 _encode = msgspec.json.Encoder().encode
 
@@ -72,6 +74,11 @@ class Hub:
 
     def _send(self, now_s: float) -> None:
         self._frames += 1
+        watched = bool(self._clients) or self.foxglove.watched
+        if not watched and self._frames % UNWATCHED_EVERY:
+            if self.commanding is not None:
+                self.commanding.look()
+            return
         robots = self._picture.robots(now_s)
         self.foxglove.show(now_s, robots)
         if self.commanding is not None:

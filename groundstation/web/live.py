@@ -15,7 +15,7 @@ BACKLOG = 20_000
 
 
 class LinkSource:
-    """Everything that a link hears. The page polls it, so nobody else may."""
+    """What a link hears: all events, of the rest the newest. Only the page may poll the link."""
 
     epoch = 0
 
@@ -28,7 +28,7 @@ class LinkSource:
 
     def poll(self) -> Sequence[Arrival]:
         """What has arrived since the last call."""
-        return arrivals(self._link.poll())
+        return arrivals(self._link.poll(newest=True))
 
     def alive(self) -> set[str] | None:
         """Processes with a liveliness token."""

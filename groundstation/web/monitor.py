@@ -1,5 +1,6 @@
 """`echelon monitor`: the page of a live fleet, as its ground station or beside one."""
 
+import gc
 from collections.abc import Callable
 
 from config import topics
@@ -22,6 +23,8 @@ def monitor(fleet: Fleet, listen: Listen, say: Callable[[str], None]) -> None:
         server = PageServer(fleet, LinkSource(link), LinkCommands(fleet, link), listen=listen)
         say(f"fleet {fleet.name}, {role}")
         say(f"page: {server.url}")
+        gc.collect()
+        gc.freeze()
         server.run()
 
 

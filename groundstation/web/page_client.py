@@ -19,7 +19,8 @@ class PageClient:
         self._websocket = websocket
         self._newest: dict[str, bytes] = {}
         self._ordered: list[bytes] = []
-        self._frame_number = self._drawn = 0
+        self._frame_number = 0
+        self._drawn: int | None = None
         self._wake = asyncio.Event()
         self._closed = False
 
@@ -33,6 +34,8 @@ class PageClient:
         if "frame" in self._newest:
             self.frames_dropped += 1
         self._frame_number = number
+        if self._drawn is None:
+            self._drawn = number - 1
         self.offer("frame", data)
 
     def post(self, data: bytes) -> None:
@@ -43,7 +46,7 @@ class PageClient:
 
     def drawn(self, number: int) -> None:
         """The page has drawn this frame."""
-        self._drawn = max(self._drawn, number)
+        self._drawn = max(self._drawn or 0, min(number, self._frame_number))
         self._wake.set()
 
     async def send(self) -> None:
@@ -56,8 +59,8 @@ class PageClient:
                 ordered, self._ordered = self._ordered, []
                 for data in ordered:
                     await self._websocket.send_bytes(data)
-                ready = self._drawn == 0 or sent_number - self._drawn < FRAMES_AHEAD
-                for kind in [kind for kind in self._newest if kind != "frame" or ready]:
+                ready = self._drawn is None or sent_number - self._drawn < FRAMES_AHEAD
+                for kind in list(self._newest) if ready else ():
                     if kind == "frame":
                         sent_number = self._frame_number
                         self.frames_sent += 1

@@ -18,14 +18,23 @@ from config.messages import (
     Truth,
 )
 from groundstation import keys
-from groundstation.formation_error import desired_sightline
-from groundstation.web.geometry import Placed, behind, ellipse_95, offset_from, placed
+from groundstation.web.geometry import (
+    Matrix3,
+    Place,
+    behind,
+    ellipse_95,
+    offset_from,
+    spread_behind,
+    spread_of,
+)
 from groundstation.web.history import History
 from groundstation.web.rows import ClockOffsets, row
 from groundstation.web.wire import LogLine, Numbers, RobotFrame, Row
 
 FRESH_S = 0.5
 LOG_LINES = 300
+ELLIPSES_EVERY = 3
+"""Frames between two looks at the covariances, which change slowly."""
 M = TypeVar("M", bound=Message)
 
 
@@ -40,6 +49,8 @@ class FleetPicture:
         self._addresses: dict[str, keys.Address | None] = {}
         self._latest: dict[tuple[str, type[Message]], Message] = {}
         self._clocks = ClockOffsets()
+        self._ellipses: dict[str, Numbers] = {}
+        self._calls = 0
         self.history = History(len(fleet.robots))
         self.log: deque[LogLine] = deque(maxlen=LOG_LINES)
         self._unsent: list[LogLine] = []
@@ -77,6 +88,9 @@ class FleetPicture:
     def robots(self, now_s: float) -> list[RobotFrame]:
         """What moves, at `now_s`; sampled into the history too."""
         places = self._places()
+        if self._calls % ELLIPSES_EVERY == 0:
+            self._ellipses = self._drawn_ellipses(places)
+        self._calls += 1
         frames = [self._robot(name, places, now_s) for name in self._fleet.robots]
         self.history.add(now_s, frames)
         return frames
@@ -104,6 +118,8 @@ class FleetPicture:
     def _address(self, key: str) -> keys.Address | None:
         if key not in self._addresses:
             try:
+                if not key.startswith(self._prefix):
+                    raise ValueError(f"{key!r} does not begin with {self._prefix!r}")
                 found = keys.parse(key.removeprefix(self._prefix))
             except ValueError:
                 self._addresses[key] = None
@@ -122,9 +138,9 @@ class FleetPicture:
             return status or motion
         return motion if motion.wall_ns > status.wall_ns else status
 
-    def _places(self) -> dict[str, Placed]:
+    def _places(self) -> dict[str, Place]:
         """Estimated places, down the tree from robots that localise themselves."""
-        found: dict[str, Placed] = {}
+        found: dict[str, Place] = {}
         waiting = list(self._fleet.robots)
         while waiting:
             left = [name for name in waiting if not self._place(name, found)]
@@ -133,26 +149,37 @@ class FleetPicture:
             waiting = left
         return found
 
-    def _place(self, name: str, found: dict[str, Placed]) -> bool:
+    def _place(self, name: str, found: dict[str, Place]) -> bool:
         pose, seen = self._get(name, PoseEstimate), self._get(name, RelativeEstimate)
         leader = self._fleet.robots[name].leader
         if pose is not None:
-            found[name] = placed(pose)
+            found[name] = Place(pose.x_m, pose.y_m, pose.heading_rad)
         elif seen is not None and leader in found:
             found[name] = behind(found[leader], seen)
         return name in found
 
-    def _robot(self, name: str, places: dict[str, Placed], now_s: float) -> RobotFrame:
+    def _drawn_ellipses(self, places: dict[str, Place]) -> dict[str, Numbers]:
+        """The 95 % ellipse of every place; leaders come before their followers in `places`."""
+        spreads: dict[str, Matrix3] = {}
+        for name in places:
+            pose, seen = self._get(name, PoseEstimate), self._get(name, RelativeEstimate)
+            leader = self._fleet.robots[name].leader
+            if pose is not None:
+                spreads[name] = spread_of(pose)
+            elif seen is not None and leader is not None:
+                spreads[name] = spread_behind(places[leader], spreads[leader], seen)
+        return {name: _rounded(*ellipse_95(spread)) for name, spread in spreads.items()}
+
+    def _robot(self, name: str, places: dict[str, Place], now_s: float) -> RobotFrame:
         motion, truth = self._get(name, Motion), self._get(name, Truth)
         looks, place = self._get(name, Bearings), places.get(name)
         newest = self._newest_of(name)
-        ellipse = None if place is None else ellipse_95(place.covariance)
         fresh = newest is not None and now_s - newest.wall_ns * 1e-9 <= FRESH_S
         steering = None if motion is None else motion.steering_rad
         return RobotFrame(
             fresh=fresh,
-            pose=None if place is None else _rounded(*place[:3], steering),
-            ellipse=None if ellipse is None else _rounded(*ellipse),
+            pose=None if place is None else _rounded(*place, steering),
+            ellipse=self._ellipses.get(name),
             place=self._wanted(name, places),
             looks=[]
             if looks is None or now_s - looks.wall_ns * 1e-9 > FRESH_S
@@ -163,7 +190,7 @@ class FleetPicture:
             values=self._values(name, motion) if fresh else None,
         )
 
-    def _wanted(self, name: str, places: dict[str, Placed]) -> Numbers | None:
+    def _wanted(self, name: str, places: dict[str, Place]) -> Numbers | None:
         """The wanted place beside the leader, where the leader believes to be."""
         robot, seen = self._fleet.robots[name], self._get(name, RelativeEstimate)
         if robot.leader not in places or robot.offset is None:
@@ -182,11 +209,12 @@ class FleetPicture:
         if seen is None or offset is None:
             return _rounded(None, None, None if pose is None else pose.nis_median, speed)
         if seen.place_x_m is not None and seen.place_y_m is not None:
-            offset = offset.model_construct(x_m=seen.place_x_m, y_m=seen.place_y_m)
-        range_m, bearing_rad = desired_sightline(offset)
-        return _rounded(
-            seen.range_m - range_m, wrap(seen.bearing_rad - bearing_rad), seen.nis_mean, speed
-        )
+            forward, left = seen.place_x_m, seen.place_y_m
+        else:
+            forward, left = offset.x_m, offset.y_m
+        range_error_m = seen.range_m - math.hypot(forward, left)
+        bearing_error = wrap(seen.bearing_rad - math.atan2(-left, -forward))
+        return _rounded(range_error_m, bearing_error, seen.nis_mean, speed)
 
 
 def _rounded(*values: float | None) -> Numbers:

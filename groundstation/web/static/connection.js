@@ -1,6 +1,6 @@
 // The one WebSocket: connects again by itself, and says when data has become old.
 
-const RETRY_FIRST_MS = 250, RETRY_LAST_MS = 2000, ACKNOWLEDGE_EVERY = 4, SILENT_MS = 1500;
+const RETRY_FIRST_MS = 250, RETRY_LAST_MS = 2000, ACKNOWLEDGE_EVERY = 4, SILENT_MS = 1500, WATCH_MS = 500;
 
 export class Connection {
   constructor(introduction, handlers, changed) {
@@ -13,7 +13,8 @@ export class Connection {
     this.owed = [];
     this.heardMs = performance.now();
     this.connect();
-    setInterval(() => this.watch(), 500);
+    this.watchedMs = performance.now();
+    setInterval(() => this.watch(), WATCH_MS);
   }
 
   connect() {
@@ -56,7 +57,10 @@ export class Connection {
   }
 
   watch() {
-    const silentMs = performance.now() - this.heardMs;
+    const nowMs = performance.now(), silentMs = nowMs - this.heardMs;
+    const stalled = nowMs - this.watchedMs > 2 * WATCH_MS;
+    this.watchedMs = nowMs;
+    if (stalled) return; // it was this page that did not run; messages may wait to be read
     if (this.open && silentMs > SILENT_MS) this.set(false);
     if (silentMs > 3 * SILENT_MS && this.socket.readyState === WebSocket.OPEN) this.socket.close();
   }

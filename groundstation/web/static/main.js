@@ -29,10 +29,10 @@ let connection = null;
 const reach = () => connection;
 const map = new FleetMap(), plots = new Plots(), table = new RobotTable(), log = new EventLog();
 const commands = new Commands(reach, operator), player = new Player(reach);
-let begun = false, live = true, missionS = 0, sampledS = -Infinity;
+let begun = false, live = true, missionS = 0, sampledS = -Infinity, painting = false;
 
 // What tests and the curious look at.
-const seen = (window.echelon = { frames: 0, connected: false, hello: 0 });
+const seen = (window.echelon = { frames: 0, drawn: 0, connected: false, hello: 0 });
 
 const handlers = {
   hello(hello) {
@@ -54,7 +54,11 @@ const handlers = {
       sampledS = frame.t_s;
       plots.add(frame.t_s, frame.robots);
     }
-    if (!document.hidden) map.show(frame.robots, sample);
+    map.take(frame.robots, sample);
+    if (!painting) {
+      painting = true;
+      requestAnimationFrame(() => { painting = false; map.show(); seen.drawn += 1; });
+    }
     player.show(frame.playback);
     seen.frames += 1;
   },

@@ -18,6 +18,8 @@ export class FleetMap {
     this.trueTrails = [];
     this.particles = [];
     this.landmarks = [];
+    this.fresh = true;
+    this.shownMs = performance.now();
     this.view = { x: 0, y: 0, scale: 40 };
     this.layers = Object.fromEntries(LAYERS.map(([key, , on]) => [key, on]));
     this.buttons();
@@ -70,11 +72,12 @@ export class FleetMap {
     this.trails = hello.past.map((past) => known(past.trail));
     this.trueTrails = hello.past.map((past) => known(past.true_trail));
     this.frames = [];
+    this.fresh = true;
     this.theme();
   }
 
-  // Called for every frame; `sample` ten times a second, when trails grow.
-  show(frames, sample) {
+  // Takes every frame; `sample` ten times a second, when trails grow.
+  take(frames, sample) {
     this.frames = frames;
     if (sample) {
       frames.forEach((frame, index) => {
@@ -82,7 +85,13 @@ export class FleetMap {
         extend(this.trueTrails[index], frame.truth);
       });
     }
-    if (this.layers.follow) this.fit(0.12);
+  }
+
+  show() {
+    // Towards the robots with a time constant of a third of a second, however many frames come.
+    const nowMs = performance.now(), share = 1 - Math.exp(-(nowMs - this.shownMs) / 330);
+    this.shownMs = nowMs;
+    if (this.layers.follow) this.fit(share);
     this.draw();
   }
 
@@ -100,8 +109,8 @@ export class FleetMap {
     const scale = Math.min(width / Math.max(LEAST_SPAN_M, MARGIN * (right - left)),
       height / Math.max(LEAST_SPAN_M, MARGIN * (high - low)));
     const wanted = { x: (left + right) / 2, y: (low + high) / 2, scale };
-    const far = Math.hypot(wanted.x - this.view.x, wanted.y - this.view.y) > 20;
-    const step = far ? 1 : share;
+    const step = this.fresh ? 1 : share;
+    this.fresh = false;
     for (const key of ["x", "y", "scale"]) this.view[key] += step * (wanted[key] - this.view[key]);
   }
 
