@@ -99,10 +99,14 @@ def loops(told: Told) -> Table:
 
 def versions(told: Told) -> Table:
     """Programs, libraries and machines of the ground station and of every robot."""
-    rows = [Row(("ground", each.name, each.version)) for each in told.info.versions]
+    running: dict[tuple[str, str], list[str]] = {}
+    for each in told.info.versions:
+        running.setdefault((each.name, each.version), []).append("ground")
     for name, starts in told.run.start.items():
-        rows += [Row((name, each.name, each.version)) for each in starts[0].versions]
-    return Table("Versions", ("process", "what", "version"), rows)
+        for each in starts[0].versions:
+            running.setdefault((each.name, each.version), []).append(name)
+    rows = [Row((*what, ", ".join(names))) for what, names in running.items()]
+    return Table("Versions", ("what", "version", "running on"), rows)
 
 
 def comparison(one: Told, other: Told) -> Table:
