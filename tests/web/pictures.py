@@ -5,6 +5,7 @@ Real processes drive the demo fleet; the page is shown light, dark and on a phon
 
 import tempfile
 from pathlib import Path
+from typing import Literal
 
 from playwright.sync_api import Browser, ViewportSize
 
@@ -51,10 +52,11 @@ def _stopped(operator: Watched, fleet: Processes) -> None:
     operator.page.screenshot(path=FOLDER / "page-estop.png")
 
 
-def _page(browser: Browser, url: str, scheme: str, size: ViewportSize) -> Watched:
-    dark = "dark" if scheme == "dark" else "light"
+def _page(
+    browser: Browser, url: str, scheme: Literal["light", "dark"], size: ViewportSize
+) -> Watched:
     scale = 2 if size is PHONE else 1
-    context = browser.new_context(viewport=size, color_scheme=dark, device_scale_factor=scale)
+    context = browser.new_context(viewport=size, color_scheme=scheme, device_scale_factor=scale)
     return Watched(context.new_page(), url)
 
 
