@@ -210,11 +210,15 @@ class Lockstep:
         """Tick for so long."""
         self.run_until(lambda: False, seconds)
 
-    def command(self, name: str, command: str, override: Sequence[str] = ()) -> CommandReply:
+    def command(
+        self, name: str, command: str, override: Sequence[str] = (), formation: str = ""
+    ) -> CommandReply:
         """Send an operator's command and tick until it is answered."""
         number = next(self._numbers)
         station = self.stations[name]
-        wanted = Command(name=command, operator="lockstep", override=list(override))
+        wanted = Command(
+            name=command, operator="lockstep", override=list(override), formation=formation
+        )
         station.requests.append(Request(number, wanted))
         if not self.run_until(lambda: number in station.replies, 1.0):
             return CommandReply(robot=name, accepted=False, reason="no reply within 1 s")

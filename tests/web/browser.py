@@ -138,7 +138,7 @@ class Processes:
 
 
 def patient(fleet: Fleet) -> Fleet:
-    """The fleet with long timeouts: a browser and the fleet share this machine's two cores."""
+    """The fleet with long timeouts and no priority: a browser shares this machine's two cores."""
     robots = {}
     for name, robot in fleet.robots.items():
         rows = {
@@ -146,8 +146,11 @@ def patient(fleet: Fleet) -> Fleet:
             for row in PATIENT_ROWS
         }
         failsafe = robot.failsafe.model_copy(update=rows)
-        robots[name] = robot.model_copy(update={"failsafe": failsafe})
-    simulation = fleet.simulation.model_copy(update={"watchdog_s": PATIENT_S})
+        loop = robot.loop.model_copy(update={"realtime_priority": 0})
+        robots[name] = robot.model_copy(update={"failsafe": failsafe, "loop": loop})
+    simulation = fleet.simulation.model_copy(
+        update={"watchdog_s": PATIENT_S, "realtime_priority": 0}
+    )
     return fleet.model_copy(update={"robots": robots, "simulation": simulation})
 
 

@@ -5,6 +5,7 @@ Real processes drive the demo fleet; the page is shown light, dark and on a phon
 
 import tempfile
 from pathlib import Path
+from typing import Literal
 
 from playwright.sync_api import Browser, ViewportSize
 
@@ -28,18 +29,16 @@ def main() -> None:
         operator = _page(browser, url, "light", DESK)
         operator.page.evaluate("localStorage.setItem('echelon.operator', 'Anna')")
         operator.page.reload()
+        dark = _page(browser, url, "dark", DESK)
+        dark.page.locator("#layer-truth").click()
+        phone = _page(browser, url, "light", PHONE)
         operator.says("#readiness", "All 3 robots ready")
         operator.hold("#order-arm")
         operator.says("#readiness", "3 armed")
         operator.hold("#order-start")
         operator.says("#mission", f"{DRIVEN_S:.0f}.")
         _save(operator, "page-light.png")
-        dark = _page(browser, url, "dark", DESK)
-        dark.page.locator("#layer-truth").click()
-        _settle(dark)
         _save(dark, "page-dark.png")
-        phone = _page(browser, url, "light", PHONE)
-        _settle(phone)
         phone.page.screenshot(path=FOLDER / "page-phone.png")
         _stopped(operator, fleet)
 
@@ -51,10 +50,11 @@ def _stopped(operator: Watched, fleet: Processes) -> None:
     operator.page.screenshot(path=FOLDER / "page-estop.png")
 
 
-def _page(browser: Browser, url: str, scheme: str, size: ViewportSize) -> Watched:
-    dark = "dark" if scheme == "dark" else "light"
+def _page(
+    browser: Browser, url: str, scheme: Literal["light", "dark"], size: ViewportSize
+) -> Watched:
     scale = 2 if size is PHONE else 1
-    context = browser.new_context(viewport=size, color_scheme=dark, device_scale_factor=scale)
+    context = browser.new_context(viewport=size, color_scheme=scheme, device_scale_factor=scale)
     return Watched(context.new_page(), url)
 
 

@@ -106,6 +106,7 @@ def test_ten_robots_are_shown_smoothly_and_cost_little(browser: Browser, folder:
         share = (cpu_s(monitor.pid) - used_s) / lasted_s
         print(f"\n10 robots: {rate_hz:.1f} frames/s, server {100 * share:.1f} % of a core")
         assert (seen.errors, seen.foreign) == ([], [])
+        seen.page.close()
         assert rate_hz >= FRAMES_LIMIT_HZ
         assert share <= CPU_LIMIT
 
@@ -149,7 +150,10 @@ def test_drive_and_emergency_stop_from_the_page(
     seen.says("#banners", "Confirmed by all robots: r1, r2, r3")
     seen.hold("#order-reset")
     seen.says("#answer", "accepted by all 3 robots")
+    seen.page.locator("#give-back").click()
+    seen.says("#commander", "nobody in command")
     assert (seen.errors, seen.foreign) == ([], [])
+    seen.page.close()
 
 
 def test_a_second_operator_sees_the_first_and_escape_stops_from_there(
@@ -170,6 +174,7 @@ def test_a_second_operator_sees_the_first_and_escape_stops_from_there(
     second.says("#answer", "accepted by all 3 robots")
     for page in (first, second):
         assert (page.errors, page.foreign) == ([], [])
+        page.page.close()
 
 
 def test_it_fits_a_phone_and_names_every_control(browser: Browser, station: Station) -> None:

@@ -34,7 +34,9 @@ export class Commands {
     }
     this.take = make("button", { type: "button", id: "take", className: "wide" });
     holdToConfirm(this.take, () => "Take command?", () => this.connection().send({ do: "take_command" }));
-    by("orders").append(this.take);
+    this.giveBack = make("button", { type: "button", id: "give-back", className: "wide", textContent: "Give command back" });
+    this.giveBack.onclick = () => this.connection().send({ do: "give_back" });
+    by("orders").append(this.take, this.giveBack);
   }
 
   begin(hello) {
@@ -106,6 +108,7 @@ export class Commands {
       button.disabled = button.id !== "order-preflight" && !(allowed && (mine || free));
     }
     this.take.hidden = !allowed || mine;
+    this.giveBack.hidden = !allowed || !commander?.you;
     set(this.take, commander ? `Take command from ${commander.name}` : "");
     document.body.classList.toggle("locked", Boolean(control && !control.authorised));
     set(by("can-command"), !control ? "" : !control.authorised ? "view only: token needed" : mine ? "hold to confirm" : "view only");

@@ -24,6 +24,7 @@ export class Connection {
     this.socket.onopen = () => {
       this.retryMs = RETRY_FIRST_MS;
       this.heardMs = performance.now();
+      this.acknowledged = 0;
       this.introduce();
       for (const message of this.owed.splice(0)) this.send(message);
     };
@@ -40,7 +41,8 @@ export class Connection {
     if (!this.open) this.set(true);
     const message = JSON.parse(this.decoder.decode(data));
     this.handlers[message.kind]?.(message);
-    if (message.kind === "frame" && message.n % ACKNOWLEDGE_EVERY === 0) {
+    if (message.kind === "frame" && message.n - this.acknowledged >= ACKNOWLEDGE_EVERY) {
+      this.acknowledged = message.n;
       this.send({ do: "got", n: message.n });
     }
   }

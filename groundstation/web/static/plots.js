@@ -43,7 +43,7 @@ export class Plots {
     by("plots").append(box);
     const ink = color("--muted"), grid = { stroke: color("--grid"), width: 1 }, font = "11px system-ui, sans-serif";
     const axis = { stroke: ink, grid, ticks: { show: false }, font };
-    return new uPlot({
+    const plot = new uPlot({
       ...this.size(),
       legend: { show: false },
       cursor: { drag: { x: false, y: false }, points: { size: 5 } },
@@ -60,6 +60,10 @@ export class Plots {
         label: robot.name, stroke: robotColor(index), width: 1.5, points: { show: false },
       }))],
     }, [[], ...this.robots.map(() => [])], box);
+    const canvas = box.querySelector("canvas");
+    canvas.setAttribute("role", "img");
+    canvas.ariaLabel = `${title} of every robot over the last minute`;
+    return plot;
   }
 
   size() {
