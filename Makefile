@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.installed
 
-.PHONY: demo test lint types check acceptance campaign fuzz kills soak estop-latency mutants clean setup
+.PHONY: demo test lint types check browser pictures acceptance campaign fuzz kills soak estop-latency mutants clean setup
 
 demo: setup
 	$(BIN)/echelon demo $(ARGS)
@@ -17,9 +17,17 @@ lint: setup
 types: setup
 	$(BIN)/mypy
 
-check: setup
+check: setup browser
 	$(BIN)/python -m pytest -n 2 -m "not process" $(ARGS)
 	$(BIN)/python -m pytest -m process $(ARGS)
+
+# The page is tested in Debian's own Chromium.
+browser:
+	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; } || { echo "the browser tests need chromium: run 'make browser' as root, or 'apt-get install chromium'" >&2; exit 1; }
+
+# The pictures of the page in docs/groundstation.md, from real processes.
+pictures: setup browser
+	$(BIN)/python -m tests.web.pictures $(ARGS)
 
 setup: $(READY)
 

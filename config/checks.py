@@ -5,12 +5,13 @@ Every check yields the path of the value to change and what is wrong with it.
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
 from itertools import combinations
 
 from config.can.plan import BEARING_SENSOR_NODES, STEERING_ENCODER_NODE
-from config.fleet import Fleet, Marker
+from config.fleet import Fleet, Marker, Point
+from config.formations import DEFAULT, formation_names, nearest_on_the_way, place_of
 from config.runtime import PLACEHOLDERS, expand_channel, unknown_placeholders
 from config.yaml_tree import Path
 
@@ -198,14 +199,46 @@ def _places_apart(fleet: Fleet) -> Iterator[Finding]:
                 )
 
 
-def desired_places(fleet: Fleet) -> dict[str, tuple[float, float]]:
+def _formations_safe(fleet: Fleet) -> Iterator[Finding]:
+    """Named formations place followers only, and no two robots meet on the way between two."""
+    for name, places in fleet.formations.items():
+        yield from _formation_names(fleet, name, places)
+    usable = [name for name in formation_names(fleet) if _known(fleet, name)]
+    minimum = fleet.mission.acceptance.min_distance_m
+    for before, after in combinations(usable, 2):
+        ways = nearest_on_the_way(desired_places(fleet, before), desired_places(fleet, after))
+        for one, other, nearest_m in ways:
+            if nearest_m < minimum:
+                yield (
+                    ("formations", after),
+                    f"on the way from or to {before}, {one} and {other} come within "
+                    f"{nearest_m:.2f} m, acceptance.min_distance_m is {minimum:g} m",
+                )
+
+
+def _formation_names(fleet: Fleet, name: str, places: Mapping[str, Point]) -> Iterator[Finding]:
+    if name == DEFAULT or not _ROBOT_NAME.fullmatch(name):
+        text = f"must start with a-z, go on with a-z, 0-9, _ or -, and not be {DEFAULT!r}"
+        yield ("formations", name), text
+    followers = [each for each, robot in fleet.robots.items() if robot.offset is not None]
+    for robot in places:
+        if robot not in followers:
+            text = f"no follower {robot!r}; followers are {', '.join(followers) or 'none'}"
+            yield ("formations", name, robot), text
+
+
+def _known(fleet: Fleet, name: str) -> bool:
+    return name == DEFAULT or fleet.formations[name].keys() <= fleet.robots.keys()
+
+
+def desired_places(fleet: Fleet, formation: str = DEFAULT) -> dict[str, tuple[float, float]]:
     """Every robot's desired place [m] on a straight, in the axes of the robot that leads all."""
     places: dict[str, tuple[float, float]] = {}
     for name in fleet.robots:
         chain = leader_chain(fleet, name)
         if chain[-1] in chain[:-1] or fleet.robots[chain[-1]].leader is not None:
             continue
-        offsets = [o for o in (fleet.robots[link].offset for link in chain) if o is not None]
+        offsets = [place_of(fleet, link, formation) for link in chain if fleet.robots[link].offset]
         places[name] = sum(o.x_m for o in offsets), sum(o.y_m for o in offsets)
     return places
 
@@ -216,10 +249,16 @@ def _polar_leader_ahead(fleet: Fleet) -> Iterator[Finding]:
         if robot.offset is None or robot.formation.law != "polar":
             continue
         limit = (1 - MIN_AXLE_DISTANCE) * robot.vehicle.wheelbase_m
-        if robot.offset.x_m > limit:
+        places: list[tuple[Path, Point]] = [(("robots", name, "offset", "x_m"), robot.offset)]
+        for formation, named in fleet.formations.items():
+            if name in named:
+                places.append((("formations", formation, name, "x_m"), named[name]))
+        for path, place in places:
+            if place.x_m <= limit:
+                continue
             yield (
-                ("robots", name, "offset", "x_m"),
-                f"{robot.offset.x_m:g} m is too far ahead for law `polar`, at most {limit:.3g} m "
+                path,
+                f"{place.x_m:g} m is too far ahead for law `polar`, at most {limit:.3g} m "
                 "for this wheelbase: move it back or use `law: leader_frame`",
             )
 
@@ -237,5 +276,6 @@ CHECKS: tuple[Callable[[Fleet], Iterator[Finding]], ...] = (
     _mission_long_enough,
     _speed_within_limits,
     _places_apart,
+    _formations_safe,
     _polar_leader_ahead,
 )

@@ -335,6 +335,13 @@ class Fleet(Section):
     )
     landmarks: list[Marker] = Field(default=[])
     robots: Annotated[dict[str, Robot], Field(min_length=1)]
+    formations: dict[str, dict[str, Point]] = Field(
+        default={},
+        description="named formations to change to: place per follower in its leader's body axes",
+    )
+    formation_change_mps: Positive = Field(
+        default=0.2, description="speed of the longest way when the formation changes"
+    )
     mission: Mission
     simulation: Simulation = Simulation()
 

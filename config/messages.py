@@ -83,6 +83,8 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     its mean over the last bearings (None while they are too few), and `nis_state` what that says:
     "filling", "ok", "low" or "high". `range_told` says that something makes the range observable;
     `range_state` is "ok", "degraded" (the follower falls back) or "stop", `range_reason` why.
+    `place_x_m` and `place_y_m` are where the follower wants to be by now, in its leader's body
+    axes, from front point to front point.
     """
 
     robot: str
@@ -100,6 +102,8 @@ class RelativeEstimate(Message, frozen=True, kw_only=True):
     range_told: bool = True
     range_state: str = "ok"
     range_reason: str = ""
+    place_x_m: float | None = None
+    place_y_m: float | None = None
 
 
 class Observability(Message, frozen=True, kw_only=True):
@@ -123,6 +127,29 @@ class Observability(Message, frozen=True, kw_only=True):
     singular_value: float | None
     landmarks: list[int]
     transverse_mps: float | None
+
+
+class Look(msgspec.Struct, frozen=True):
+    """The newest bearing [rad] to one marker or landmark, in the body frame."""
+
+    marker: int
+    bearing_rad: float
+    std_rad: float
+
+
+class Bearings(Message, frozen=True, kw_only=True):
+    """What a robot has seen since its last such message, one look per marker, for people."""
+
+    robot: str
+    looks: list[Look]
+
+
+class Particles(Message, frozen=True, kw_only=True):
+    """Places of some of a particle filter's particles, drawn by their weights, for people."""
+
+    robot: str
+    x_m: list[float]
+    y_m: list[float]
 
 
 class LoopHealth(msgspec.Struct, frozen=True):
@@ -160,19 +187,23 @@ class DriveHealth(msgspec.Struct, frozen=True):
     """One motor drive as its driver sees it; None where it has not said a finite number.
 
     Position and velocity are the joint's: m and m/s for the drive, rad and rad/s for the steering.
+    `temperature_degc` is the hotter of inverter and motor.
     """
 
     state: str
     faults: list[str]
     position: float | None
     velocity: float | None
+    bus_voltage_v: float | None = None
+    temperature_degc: float | None = None
 
 
 class Status(Message, frozen=True, kw_only=True):
     """One robot's state and health, 10 Hz and at every change of state.
 
     `ready` says that the checks for arming pass; `not_ready` names those that do not.
-    `blocked_frames` counts what the transmit guard did not let pass.
+    `blocked_frames` counts what the transmit guard did not let pass. `formation` is the one that
+    the robot holds or is changing to.
     """
 
     robot: str
@@ -186,6 +217,7 @@ class Status(Message, frozen=True, kw_only=True):
     blocked_frames: int
     steering: DriveHealth
     drive: DriveHealth
+    formation: str = ""
 
 
 class Event(Message, frozen=True, kw_only=True):
@@ -197,14 +229,16 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """An operator's request: name is one of "arm", "start", "stop", "reset".
+    """An operator's request: name is one of "arm", "start", "stop", "reset", "formation".
 
-    `override` names checks that arming and starting may leave aside, where the fleet file allows.
+    `override` names checks that arming and starting may leave aside, where the fleet file allows;
+    `formation` the one to change to.
     """
 
     name: str
     operator: str
     override: list[str] = []
+    formation: str = ""
 
 
 class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -225,6 +259,89 @@ class Ground(Message, frozen=True, kw_only=True):
     """Heartbeat of the ground station, for robots whose fleet file asks for it."""
 
     operator: str
+
+
+class CanFrame(msgspec.Struct, frozen=True):
+    """One frame on a robot's bus, as `config.can.frame.Frame`; `data` is hexadecimal.
+
+    `t_s` is the robot's monotonic time, `sent` tells the robot's own frames from received ones.
+    """
+
+    id: int
+    data: str
+    t_s: float
+    sent: bool = False
+    remote: bool = False
+
+
+class StepRequest(msgspec.Struct, frozen=True):
+    """An operator's command as it reached the step, with its number."""
+
+    number: int
+    command: Command
+
+
+class StepReply(msgspec.Struct, frozen=True):
+    """What the step answered to the request of that number."""
+
+    number: int
+    reply: CommandReply
+
+
+class StepRecord(Message, frozen=True, kw_only=True):
+    """All that one step of a robot consumed, losslessly, and its frames; `seq` counts the steps.
+
+    `now_s` and `wall_s` are the clocks as the step saw them, `frames` what was on the bus in both
+    directions. `replies` and `messages_crc`, the CRC-32 of the encoded messages in their order,
+    belong to its output.
+    """
+
+    robot: str
+    now_s: float
+    wall_s: float
+    late_s: float
+    bus: BusHealth
+    loop: LoopHealth
+    frames: list[CanFrame]
+    motions: list[Motion] = []
+    requests: list[StepRequest] = []
+    estops: list[Estop] = []
+    grounds: list[Ground] = []
+    unreadable: list[str] = []
+    notes: list[str] = []
+    shutdown: bool = False
+    free_disk_mb: float | None = None
+    replies: list[StepReply] = []
+    messages_crc: int = 0
+
+
+class Version(msgspec.Struct, frozen=True):
+    """A program or library, and its version."""
+
+    name: str
+    version: str
+
+
+class RobotStart(Message, frozen=True, kw_only=True):
+    """What a robot's program was started with; sent again every 10 s for late listeners.
+
+    `fleet_json` is the effective fleet, `seed` that of the particle filter.
+    """
+
+    robot: str
+    seed: int
+    fleet_json: str
+    versions: list[Version]
+
+
+class InCommand(Message, frozen=True, kw_only=True):
+    """Who commands the fleet at the ground station that sends this, and since when (wall clock).
+
+    The latest to have taken command has it; an empty `operator` gives it back.
+    """
+
+    operator: str
+    since_ns: int
 
 
 class Truth(Message, frozen=True, kw_only=True):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from groundstation.exits import NOT_GOOD, bad_input_told, signals_end_it
+from groundstation.recording_cli import add_commands
 from groundstation.study.cli import study_app
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(study_app, name="study")
+add_commands(app)
 
 FleetName = Annotated[
     str, typer.Option("--fleet", metavar="FLEET", help="Shipped fleet (demo, paper, ...) or file.")
@@ -180,6 +182,38 @@ def status(fleet: FleetName = "demo", ground: Ground = None, json: Json = False)
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 
 
+@app.command(epilog="Example: echelon monitor --fleet demo --port 8081")
+def monitor(
+    fleet: FleetName = "demo",
+    host: Annotated[
+        str,
+        typer.Option(help="Address to serve on; any but loopback needs the printed token."),
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8080,
+    token: Annotated[
+        str | None, typer.Option(help="Needed to command; default: made where needed.")
+    ] = None,
+    ground: Ground = None,
+) -> None:
+    """Serve the live page of a fleet: map, health, plots, events, commands."""
+    with bad_input_told(False), signals_end_it("the page is closed, the robots go on"):
+        from groundstation.web.monitor import monitor as serve
+        from groundstation.web.server import Listen
+
+        serve(_load(fleet, ground), Listen(host, port, token), lambda text: typer.echo(text))
+
+
+@app.command(epilog="Example: echelon formation wide --fleet demo")
+def formation(
+    name: Annotated[str, typer.Argument(help="One of those in the fleet file, or default.")],
+    fleet: FleetName = "demo",
+    ground: Ground = None,
+    json: Json = False,
+) -> None:
+    """Change to another formation of the fleet file, while driving too."""
+    _command("formation", fleet, ground, json, formation=name)
+
+
 @app.command(epilog="Example: echelon arm --fleet demo")
 def arm(
     fleet: FleetName = "demo",
@@ -249,12 +283,17 @@ def fault(
 
 
 def _command(
-    name: "CommandName", fleet: str, ground: str | None, json: bool, override: Sequence[str] = ()
+    name: "CommandName",
+    fleet: str,
+    ground: str | None,
+    json: bool,
+    override: Sequence[str] = (),
+    formation: str = "",
 ) -> None:
     with bad_input_told(json):
         from groundstation import fleet_commands
 
-        report = fleet_commands.command(_load(fleet, ground), name, override)
+        report = fleet_commands.command(_load(fleet, ground), name, override, formation)
         _write(report, json)
     raise typer.Exit(0 if report.ok else NOT_GOOD)
 

@@ -4,10 +4,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from config import topics
 from config.fleet import Fleet
-from groundstation.fleet_link import POLL_S, FleetLink
+from config.messages import Event, encode
+from groundstation.fleet_link import POLL_S, FleetLink, Heard
 from groundstation.formation_tree import leader_of, start_order
-from groundstation.mission_log import BAD_STATES, COMPLETE
+from groundstation.mission_log import BAD_STATES, COMPLETE, GROUND_STATION
 from groundstation.progress import Display
 from groundstation.recorder import Recorder
 from groundstation.summary import Fault
@@ -22,7 +24,6 @@ REST_LIMIT_S = 5.0
 # Robots stop by themselves when something breaks; only then does the ground station step in.
 SELF_STOP_S = 1.0
 SILENCE_LIMIT_S = 2.0
-FLUSH_PERIOD_S = 0.5
 AT_REST = frozenset({"STANDBY", *BAD_STATES})
 
 
@@ -52,16 +53,18 @@ class Conductor:
         recorder: Recorder,
         supervisor: Supervisor,
         display: Display,
+        hear: Callable[[Sequence[Heard]], None],
     ) -> None:
+        """`hear` gets every message that arrives, after it was recorded."""
         self._fleet = fleet
         self._commands = commands
         self._link = link
         self._recorder = recorder
         self._supervisor = supervisor
         self._display = display
+        self._hear = hear
         self._phase = "starting"
         self._started_s = time.monotonic()
-        self._flush_s = 0.0
 
     def drive(self) -> list[Fault]:
         """The whole mission. Returns what went wrong outside the robots' own messages."""
@@ -75,8 +78,23 @@ class Conductor:
             self._await_end()
         except _Aborted as aborted:
             incidents, grace_s = aborted.incidents, SELF_STOP_S
+            self._record_incidents(incidents)
         self.bring_to_rest(grace_s)
         return incidents
+
+    def _record_incidents(self, incidents: Sequence[Fault]) -> None:
+        """As events of the ground station, so that the recording alone tells the whole story."""
+        for number, incident in enumerate(incidents):
+            event = Event(
+                seq=number,
+                t_ns=time.monotonic_ns(),
+                wall_ns=time.time_ns(),
+                source=GROUND_STATION,
+                severity="error",
+                text=incident.reason,
+            )
+            key = topics.EVENT.key(self._fleet.name, incident.robot)
+            self._recorder.write(key, encode(event), event.wall_ns)
 
     def bring_to_rest(self, grace_s: float = 0.0) -> None:
         """Let robots stop by themselves for `grace_s`, then command those that still move to.
@@ -194,15 +212,16 @@ class Conductor:
 
     def _pump(self) -> None:
         """Take in and record what arrived, and show it."""
-        for key, payload, message in self._link.poll():
+        heard = self._link.poll()
+        for key, payload, message in heard:
             self._recorder.write(key, payload, message.wall_ns)
+        self._hear(heard)
         for text in self._link.unreadable:
             self._display.note(text)
         self._link.unreadable.clear()
-        now_s = time.monotonic()
-        if now_s >= self._flush_s:
-            self._flush_s = now_s + FLUSH_PERIOD_S
-            self._recorder.flush()
+        self._recorder.tick(time.monotonic())
+        for text in self._recorder.take_notes():
+            self._display.note(text)
         self._display.update(self._phase, self._fleet, self._link.view)
 
     def _check(self) -> None:

@@ -3,6 +3,7 @@
 import shutil
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +18,16 @@ from groundstation.conductor import Commands, Conductor
 from groundstation.evaluate import evaluate
 from groundstation.figures import draw_formation, draw_trajectories
 from groundstation.fleet_link import FleetLink
-from groundstation.progress import display
-from groundstation.recorder import Recorder
+from groundstation.progress import Display, display
+from groundstation.recorder import About, Recorder
+from groundstation.recovery import save_left_behind
 from groundstation.rehearsal import rehearsal
 from groundstation.run_folder import RunFolder
 from groundstation.series import read_run
 from groundstation.summary import Fault, Mode, Summary
 from groundstation.supervisor import Supervisor
+from groundstation.web.live import HandedSource, LinkCommands
+from groundstation.web.server import Listen, PageServer
 
 FAULTS = "faults.yaml"
 
@@ -51,6 +55,8 @@ def run_demo(options: Options) -> tuple[RunFolder, Summary]:
     options.console.print(
         f"run folder: {folder.path}", highlight=False, markup=False, soft_wrap=True
     )
+    for text in save_left_behind(folder.path.parent):
+        options.console.print(text, highlight=False, markup=False, soft_wrap=True)
     if options.faults is not None:
         shutil.copyfile(options.faults, folder.path / FAULTS)
     incidents = _lockstep(options, folder, script) if options.lockstep else _live(options, folder)
@@ -78,17 +84,32 @@ def _live(options: Options, folder: RunFolder) -> list[Fault]:
         folder.write_fleet(fleet)
         with (
             FleetLink.as_ground_station(fleet) as link,
-            Recorder(folder.recording) as recorder,
+            Recorder(folder.recording, fleet, _about(options)) as recorder,
             Supervisor(folder.logs) as supervisor,
             display(options.console) as shown,
         ):
             commands = _commands(fleet, folder, options)
-            conductor = Conductor(fleet, commands, link, recorder, supervisor, shown)
-            try:
-                return conductor.drive()
-            except KeyboardInterrupt:
-                conductor.bring_to_rest()
-                raise
+            page = HandedSource(link)
+            with _page(fleet, link, page, shown):
+                conductor = Conductor(fleet, commands, link, recorder, supervisor, shown, page.hand)
+                try:
+                    return conductor.drive()
+                except KeyboardInterrupt:
+                    conductor.bring_to_rest()
+                    raise
+
+
+def _page(fleet: Fleet, link: FleetLink, source: HandedSource, shown: Display) -> PageServer:
+    """The live page, on another port where the usual one is taken."""
+    listen = Listen(or_any_port=True)
+    server = PageServer(fleet, source, LinkCommands(fleet, link), listen=listen)
+    taken = "" if server.port == listen.port else f" (port {listen.port} is in use)"
+    shown.note(f"page: {server.url}{taken}")
+    return server
+
+
+def _about(options: Options) -> About:
+    return About(time.time_ns(), "processes", options.seed)
 
 
 def _script(options: Options) -> FaultScript | None:
@@ -109,24 +130,24 @@ def _commands(fleet: Fleet, folder: RunFolder, options: Options) -> Commands:
 
 
 def _lockstep(options: Options, folder: RunFolder, script: FaultScript | None) -> list[Fault]:
-    from groundstation.lockstep import LockstepFailed, run_lockstep
+    from groundstation.lockstep import START_WALL_NS, LockstepFailed, run_lockstep
 
     fleet = options.fleet
     folder.write_fleet(fleet)
     quiet = not options.console.is_terminal
+    about = About(START_WALL_NS, "lockstep", options.seed)
     with (
-        Recorder(folder.recording) as recorder,
+        Recorder(folder.recording, fleet, about) as recorder,
         Progress(console=options.console, disable=quiet, transient=True) as progress,
     ):
         task = progress.add_task("lockstep", total=fleet.mission.duration_s)
+
+        def advance(mission_s: float) -> None:
+            recorder.flush()
+            progress.update(task, completed=mission_s)
+
         try:
-            run_lockstep(
-                fleet,
-                options.seed,
-                recorder.write,
-                lambda mission_s: progress.update(task, completed=mission_s),
-                script,
-            )
+            run_lockstep(fleet, options.seed, recorder.write, advance, script, replayable=True)
         except LockstepFailed as failure:
             return [Fault("fleet", 0.0, str(failure))]
     return []

@@ -1,6 +1,6 @@
 """Figures of a run: the paths, and the formation errors over time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,22 @@ DPI = 150
 
 
 def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
-    """True paths of all robots, the leader's own estimate, the formation every 5 s, landmarks."""
+    """Write `trajectory_figure` as a picture."""
+    _save(trajectory_figure(fleet, run), path)
+
+
+def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
+    """Write `formation_figure` as a picture."""
+    _save(formation_figure(fleet, run), path)
+
+
+def trajectory_figure(
+    fleet: Fleet, run: Run, believed: Mapping[str, Track] | None = None
+) -> Figure:
+    """True paths of all robots, the leader's own estimate, the formation every 5 s, landmarks.
+
+    `believed` are paths to draw for robots that nobody knows the truth of.
+    """
     figure = Figure(figsize=(8, 7), layout="constrained")
     axes: Axes = figure.add_subplot()
     _decorate(axes)
@@ -33,6 +48,10 @@ def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
     _draw_links(axes, fleet, run)
     for (name, track), colour in zip(_in_fleet_order(fleet, run), _colours(fleet), strict=False):
         _draw_path(axes, name, track, colour)
+    for name, colour in zip(fleet.robots, _colours(fleet), strict=True):
+        if believed and name in believed and name not in run.truth:
+            track = believed[name]
+            axes.plot(track.x_m, track.y_m, ":", color=colour, lw=1.6, label=f"{name}, estimated")
     estimate = run.pose.get(formation_tree.leader_of(fleet))
     if estimate is not None:
         (line,) = axes.plot(estimate.x_m, estimate.y_m, ":", color=ESTIMATE, lw=1.6, zorder=4)
@@ -51,10 +70,11 @@ def draw_trajectories(fleet: Fleet, run: Run, path: Path) -> None:
         )
     axes.plot([], [], "o", ms=8, mfc="white", mec=INK, mew=2, label="start")
     axes.plot([], [], ">", ms=9, color=INK, ls="none", label="end")
-    _save_with_legend(figure, axes, path)
+    _legend(figure, axes)
+    return figure
 
 
-def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
+def formation_figure(fleet: Fleet, run: Run) -> Figure:
     """Range, bearing and position error of each follower; the judged window is shaded.
 
     Limits are drawn where the followers' laws are judged by them.
@@ -92,7 +112,8 @@ def draw_formation(fleet: Fleet, run: Run, path: Path) -> None:
         panels[2].set_xlim(-MARGIN_S, mission.seconds + MARGIN_S)
     figure.align_ylabels(panels)
     panels[0].set_title(f"Fleet {fleet.name}: formation error against truth", loc="left", color=INK)
-    _save_with_legend(figure, panels[2], path)
+    _legend(figure, panels[2])
+    return figure
 
 
 def _in_fleet_order(fleet: Fleet, run: Run) -> list[tuple[str, Track]]:
@@ -162,9 +183,12 @@ def _limit(axes: Axes, limit: float, both_sides: bool) -> None:
         axes.axhline(-limit, color=INK, lw=1.0, ls="--", zorder=3)
 
 
-def _save_with_legend(figure: Figure, axes: Axes, path: Path) -> None:
+def _legend(figure: Figure, axes: Axes) -> None:
     if axes.get_legend_handles_labels()[0]:
         figure.legend(
             *axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
         )
+
+
+def _save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=DPI, metadata={"Software": None})

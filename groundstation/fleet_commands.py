@@ -1,12 +1,13 @@
 """What the operator asks of a running fleet, each answered with a report."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import msgspec
 
 from config.fleet import Fleet
+from config.formations import DEFAULT, formation_names
 from config.messages import CommandReply, Status
 from groundstation.errors import GroundError
 from groundstation.fleet_link import FleetLink
@@ -17,7 +18,7 @@ DISCOVERY_S = 3.0
 ESTOP_LIMIT_S = 3.0
 STALE_AFTER_S = 0.5
 
-CommandName = Literal["arm", "start", "stop", "reset"]
+CommandName = Literal["arm", "start", "stop", "reset", "formation"]
 
 
 class RobotReport(msgspec.Struct, frozen=True):
@@ -65,18 +66,54 @@ def status(fleet: Fleet) -> StatusReport:
     return StatusReport(good, fleet.name, robots)
 
 
-def command(fleet: Fleet, name: CommandName, override: Sequence[str] = ()) -> CommandReport:
-    """Send a command to every robot.
+def command(
+    fleet: Fleet, name: CommandName, override: Sequence[str] = (), formation: str = ""
+) -> CommandReport:
+    """Send a command to every robot, see `send`.
 
-    Followers start first; the leader is not started when one of them refuses. `override` names
-    checks before arming that are to be left aside.
-    Raises GroundError when no robot is heard at all.
+    Raises GroundError when no robot is heard at all, and for an unknown formation.
     """
+    if name == "formation" and formation not in formation_names(fleet):
+        known = ", ".join(formation_names(fleet))
+        raise GroundError(f"fleet {fleet.name} has no formation {formation!r}; known are {known}")
     with FleetLink.as_visitor(fleet) as link:
         _discover(fleet, link)
-        if name == "start":
-            return _report(fleet, name, _start(fleet, link))
-        return _report(fleet, name, link.command(name, list(fleet.robots), override))
+        before = {robot: _formation(link, robot) for robot in fleet.robots}
+        return _report(fleet, name, send(fleet, link, name, override, formation, before))
+
+
+def send(
+    fleet: Fleet,
+    link: FleetLink,
+    name: str,
+    override: Sequence[str] = (),
+    formation: str = "",
+    before: Mapping[str, str] | None = None,
+    by: str | None = None,
+) -> dict[str, CommandReply]:
+    """Send a command to every robot through a link.
+
+    Followers start first; the leader is not started when one of them refuses. Where a robot does
+    not take a new formation, the others go back to the one that they had, in `before`.
+    `override` names checks before arming that are to be left aside; `by` is the operator.
+    """
+    if name == "start":
+        return _start(fleet, link, by)
+    replies = link.command(name, list(fleet.robots), override, formation, by)
+    refused = [robot for robot, reply in replies.items() if not reply.accepted]
+    if name != "formation" or not refused:
+        return replies
+    reason = f"back in its formation, because {', '.join(refused)} did not change"
+    for robot, reply in replies.items():
+        if reply.accepted and before is not None:
+            link.command(name, [robot], formation=before[robot], by=by)
+            replies[robot] = CommandReply(robot=robot, accepted=False, reason=reason)
+    return replies
+
+
+def _formation(link: FleetLink, robot: str) -> str:
+    status = link.view.status(robot)
+    return DEFAULT if status is None else status.formation or DEFAULT
 
 
 def estop(fleet: Fleet) -> CommandReport:
@@ -100,15 +137,15 @@ def _discover(fleet: Fleet, link: FleetLink) -> None:
         )
 
 
-def _start(fleet: Fleet, link: FleetLink) -> dict[str, CommandReply]:
+def _start(fleet: Fleet, link: FleetLink, by: str | None) -> dict[str, CommandReply]:
     leader = leader_of(fleet)
     followers = [name for name in start_order(fleet) if name != leader]
-    replies = link.command("start", followers)
+    replies = link.command("start", followers, by=by)
     refused = [name for name, reply in replies.items() if not reply.accepted]
     if refused:
         reason = f"not sent, because {', '.join(refused)} did not start"
         return {leader: CommandReply(robot=leader, accepted=False, reason=reason)} | replies
-    return link.command("start", [leader]) | replies
+    return link.command("start", [leader], by=by) | replies
 
 
 def _report(fleet: Fleet, name: str, replies: dict[str, CommandReply]) -> CommandReport:

@@ -19,6 +19,7 @@ from config.messages import (
     Estop,
     FaultOrder,
     Ground,
+    InCommand,
     Message,
     Unreadable,
     decode,
@@ -70,7 +71,7 @@ class FleetLink:
         self._session = _open(listen, connect)
         self._addresses: dict[str, keys.Address] = {}
         self._subscribers = [
-            self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG))
+            (topic, self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG)))
             for topic in hear
         ]
         self._tokens = self._session.liveliness().declare_subscriber(
@@ -78,6 +79,8 @@ class FleetLink:
         )
         self._estop = self._session.declare_publisher(topics.ESTOP.key(fleet.name))
         self._estops_sent = 0
+        self._in_command = self._session.declare_publisher(topics.IN_COMMAND.key(fleet.name))
+        self._announcements = 0
         self._heartbeat = (
             self._session.declare_publisher(topics.GROUND.key(fleet.name)) if announce else None
         )
@@ -97,11 +100,11 @@ class FleetLink:
         return cls(fleet, fleet.ground, [], topics.PUBLISHED, announce="ground")
 
     @classmethod
-    def as_visitor(cls, fleet: Fleet) -> Self:
+    def as_visitor(cls, fleet: Fleet, hear: Iterable[Topic] = (topics.STATUS,)) -> Self:
         """Join a running fleet through its ground station and its robots' fixed endpoints."""
         robots = [robot.listen for robot in fleet.robots.values()]
         fixed = [endpoint for endpoint in robots if not endpoint.endswith(":0")]
-        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], (topics.STATUS,))
+        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], hear)
 
     def __enter__(self) -> Self:
         return self
@@ -114,8 +117,11 @@ class FleetLink:
     ) -> None:
         self._session.close()
 
-    def poll(self) -> list[Heard]:
+    def poll(self, newest: bool = False) -> list[Heard]:
         """Everything that arrived since the last call, also taken into `view`.
+
+        With `newest`, only the last message per key of topics that are published at a rate: much
+        cheaper for who wants to see the present.
 
         A message that cannot be read is left out and named in `unreadable`. A ground station's
         heartbeat goes out from here, so that it stops where nobody looks at the fleet any more.
@@ -128,8 +134,16 @@ class FleetLink:
             else:
                 self.view.alive.discard(process)
         heard: list[Heard] = []
-        for subscriber in self._subscribers:
-            while (sample := subscriber.handler.try_recv()) is not None:
+        for topic, subscriber in self._subscribers:
+            receive = subscriber.handler.try_recv
+            if newest and topic.rate_hz > 0 and topic.per_robot:
+                last: dict[str, zenoh.Sample] = {}
+                while (sample := receive()) is not None:
+                    last[str(sample.key_expr)] = sample
+                for key, sample in last.items():
+                    self._take(key, sample.payload.to_bytes(), heard)
+                continue
+            while (sample := receive()) is not None:
                 self._take(str(sample.key_expr), sample.payload.to_bytes(), heard)
         return heard
 
@@ -160,13 +174,26 @@ class FleetLink:
             time.sleep(poll_s)
 
     def command(
-        self, name: str, robots: Sequence[str], override: Sequence[str] = ()
+        self,
+        name: str,
+        robots: Sequence[str],
+        override: Sequence[str] = (),
+        formation: str = "",
+        by: str | None = None,
     ) -> dict[str, CommandReply]:
         """Send one command to several robots at once and collect their replies.
 
-        A robot that does not answer is reported as refusing, with that as the reason.
+        A robot that does not answer is reported as refusing, with that as the reason. `by` is the
+        operator's name instead of this process's user. May be called from another thread.
         """
-        payload = encode(Command(name=name, operator=operator(), override=list(override)))
+        payload = encode(
+            Command(
+                name=name,
+                operator=by or operator(),
+                override=list(override),
+                formation=formation,
+            )
+        )
         pending = {
             robot: self._session.get(
                 topics.COMMAND.key(self._fleet.name, robot),
@@ -188,16 +215,28 @@ class FleetLink:
                 return reply
             time.sleep(POLL_S)
 
-    def publish_estop(self) -> None:
-        """Publish the emergency stop once."""
+    def publish_estop(self, by: str | None = None) -> None:
+        """Publish the emergency stop once, in the name of `by` or of this process's user."""
         self._estops_sent += 1
         message = Estop(
             seq=self._estops_sent,
             t_ns=time.monotonic_ns(),
             wall_ns=time.time_ns(),
-            operator=operator(),
+            operator=by or operator(),
         )
         self._estop.put(encode(message))
+
+    def announce_command(self, by: str, since_ns: int) -> None:
+        """Publish who is in command at this ground station; nobody where `by` is empty."""
+        self._announcements += 1
+        message = InCommand(
+            seq=self._announcements,
+            t_ns=time.monotonic_ns(),
+            wall_ns=time.time_ns(),
+            operator=by,
+            since_ns=since_ns,
+        )
+        self._in_command.put(encode(message))
 
     def estop(self, timeout_s: float) -> dict[str, bool]:
         """Repeat the emergency stop until every robot reports ESTOP, or the time is over.

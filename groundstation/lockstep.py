@@ -31,7 +31,8 @@ from groundstation.formation_tree import start_order
 from onboard.canbus.bus_errors import BusUnavailable
 from onboard.canbus.port import CanPort
 from onboard.robot import Robot
-from onboard.step import Inputs, Outputs, Request
+from onboard.step import Inputs, Request
+from onboard.step_record import StepRecorder
 from sim_hw.dataset.devices import PlaybackRobot
 from sim_hw.dataset.mrclam import DataSetError, Recording, read_recording, robots_in
 from sim_hw.fleet import SimulatedFleet
@@ -53,6 +54,7 @@ Record = Callable[[str, bytes, int], None]
 # Virtual time starts here; the wall clock of a lockstep run starts at the epoch plus this offset.
 START_S = 10.0
 WALL_OFFSET_S = 1_000_000_000.0
+START_WALL_NS = round((START_S + WALL_OFFSET_S) * 1e9)
 READY_LIMIT_S = 20.0
 STOP_LIMIT_S = 10.0
 COMMAND_LIMIT_S = 2.0
@@ -72,9 +74,16 @@ class Station:
     """
 
     def __init__(
-        self, fleet: Fleet, name: str, devices: Devices, seed: int, db: CanDatabase
+        self,
+        fleet: Fleet,
+        name: str,
+        devices: Devices,
+        seed: int,
+        db: CanDatabase,
+        recorded: bool = False,
     ) -> None:
         self.robot = Robot(fleet, name, db, seed)
+        self._record = StepRecorder(fleet, name, seed) if recorded else None
         self.host_bus = DirectBus(devices, name, START_S, WALL_OFFSET_S)
         self.port = CanPort(self.host_bus, fleet.robots[name].can.bitrate, self._reopen)
         self._devices, self._name = devices, name
@@ -117,16 +126,22 @@ class Station:
             shutdown=self.ending,
         )
         self.mail, self.requests, self.estops, self.grounds = [], [], [], []
-        outputs: Outputs = self.robot.step(inputs)
+        outputs = self.robot.step(inputs)
         self.port.send(outputs.frames)
         self.replies |= dict(outputs.replies)
-        return [(topic, encode(message)) for topic, message in outputs.messages]
+        record = [] if self._record is None else self._record.messages(inputs, outputs)
+        return [(topic, encode(message)) for topic, message in [*outputs.messages, *record]]
 
 
 class Lockstep:
-    """A fleet under virtual time, one tick of the control period at a time."""
+    """A fleet under virtual time, one tick of the control period at a time.
 
-    def __init__(self, fleet: Fleet, seed: int, record: Record | None = None) -> None:
+    `record` gets what is published; with `replayable` the record of every step too.
+    """
+
+    def __init__(
+        self, fleet: Fleet, seed: int, record: Record | None = None, replayable: bool = False
+    ) -> None:
         self.fleet = fleet
         self.now_s = START_S
         self.statuses: dict[str, Status] = {}
@@ -139,7 +154,14 @@ class Lockstep:
         database = CanDatabase.load()
         seeds = np.random.SeedSequence(seed).generate_state(len(fleet.robots))
         self.stations = {
-            name: Station(fleet, name, self.simulation.robots[name], int(robot_seed), database)
+            name: Station(
+                fleet,
+                name,
+                self.simulation.robots[name],
+                int(robot_seed),
+                database,
+                recorded=replayable,
+            )
             for name, robot_seed in zip(fleet.robots, seeds, strict=True)
         }
         rates = {robot.loop.rate_hz for robot in fleet.robots.values()}
@@ -188,11 +210,15 @@ class Lockstep:
         """Tick for so long."""
         self.run_until(lambda: False, seconds)
 
-    def command(self, name: str, command: str, override: Sequence[str] = ()) -> CommandReply:
+    def command(
+        self, name: str, command: str, override: Sequence[str] = (), formation: str = ""
+    ) -> CommandReply:
         """Send an operator's command and tick until it is answered."""
         number = next(self._numbers)
         station = self.stations[name]
-        wanted = Command(name=command, operator="lockstep", override=list(override))
+        wanted = Command(
+            name=command, operator="lockstep", override=list(override), formation=formation
+        )
         station.requests.append(Request(number, wanted))
         if not self.run_until(lambda: number in station.replies, 1.0):
             return CommandReply(robot=name, accepted=False, reason="no reply within 1 s")
@@ -295,16 +321,17 @@ def run_lockstep(
     record: Record,
     progress: Callable[[float], None] | None = None,
     script: FaultScript | None = None,
+    replayable: bool = False,
 ) -> None:
     """Drive the fleet's mission from standing still to standing still.
 
     `progress` is told the mission time [s] about once a second of virtual time; `script` holds
-    faults of the emulated hardware.
+    faults of the emulated hardware; `replayable` as in `Lockstep`.
 
     Raises:
         LockstepFailed: a robot does not become ready or refuses a command.
     """
-    with Lockstep(fleet, seed, record) as lockstep:
+    with Lockstep(fleet, seed, record, replayable) as lockstep:
         if script is not None:
             lockstep.simulation.play(script)
         lockstep.start_mission()

@@ -10,6 +10,8 @@ from groundstation.series import Run
 from groundstation.summary import Fault
 
 COMPLETE = "mission complete"
+GROUND_STATION = "ground"
+"""Source of the events that the ground station itself records, of what robots cannot tell."""
 BAD_STATES = frozenset({"FAULT", "ESTOP"})
 
 
@@ -74,6 +76,16 @@ def faults(fleet: Fleet, run: Run, origin_ns: int) -> list[Fault]:
         for row in _entries(run.motion.get(name) or run.status.get(name, []))
     ]
     return sorted(found, key=lambda fault: fault.t_s)
+
+
+def incidents(run: Run, origin_ns: int) -> list[Fault]:
+    """What the ground station saw go wrong outside the robots' own messages."""
+    return [
+        Fault(name, round((row.t_ns - origin_ns) * 1e-9, 3), row.text)
+        for name, rows in run.events.items()
+        for row in rows
+        if row.source == GROUND_STATION and row.severity == "error"
+    ]
 
 
 def _entries(rows: Sequence[Motion | Status]) -> list[Motion | Status]:

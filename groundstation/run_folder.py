@@ -9,6 +9,7 @@ from config.loader import dump_effective
 from groundstation import summary
 from groundstation.errors import GroundError
 from groundstation.summary import Summary
+from groundstation.viewer_layout import layout
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +48,15 @@ class RunFolder:
         """Output of the processes."""
         return self.path / "logs"
 
+    @property
+    def layout(self) -> Path:
+        """How viewers of recordings are to show this fleet."""
+        return self.path / "viewer-layout.json"
+
     def write_fleet(self, fleet: Fleet) -> None:
-        """Write the effective fleet, every robot complete."""
+        """Write the effective fleet, every robot complete, and the layout for viewers."""
         self.fleet.write_text(dump_effective(fleet), encoding="utf-8")
+        self.layout.write_text(layout(fleet), encoding="utf-8")
 
     def write_summary(self, judged: Summary) -> None:
         """Write the summary."""

@@ -7,13 +7,12 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from config import messages, topics
 from groundstation import keys
 from groundstation.errors import GroundError
+from groundstation.recording import keys_in, read_messages
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -61,6 +60,23 @@ class Run:
     relative: dict[str, Sightline] = field(default_factory=dict)
     motion: dict[str, list[messages.Motion]] = field(default_factory=dict)
     status: dict[str, list[messages.Status]] = field(default_factory=dict)
+    poses: dict[str, list[messages.PoseEstimate]] = field(default_factory=dict)
+    relatives: dict[str, list[messages.RelativeEstimate]] = field(default_factory=dict)
+    events: dict[str, list[messages.Event]] = field(default_factory=dict)
+    start: dict[str, list[messages.RobotStart]] = field(default_factory=dict)
+    simulated_bus: dict[str, list[messages.SimulatedBus]] = field(default_factory=dict)
+
+
+GATHERED = (
+    topics.TRUTH,
+    topics.POSE,
+    topics.RELATIVE,
+    topics.MOTION,
+    topics.STATUS,
+    topics.EVENT,
+    topics.ROBOT_START,
+    topics.SIM_BUS,
+)
 
 
 def read_run(path: Path) -> Run:
@@ -68,35 +84,46 @@ def read_run(path: Path) -> Run:
 
     Raises GroundError when the file is missing or is no whole recording.
     """
+    wanted = [key for key in keys_in(path) if (topic := topic_of(key)) and topic in GATHERED]
     try:
-        with path.open("rb") as stream:
-            found = (
-                (channel.topic, message.data)
-                for _, channel, message in make_reader(stream).iter_messages()
-            )
-            return gather(found)
-    except OSError as error:
-        raise GroundError(f"cannot read the recording {path}: {error.strerror}") from error
-    except (McapError, msgspec.MsgspecError, ValueError) as error:
-        raise GroundError(f"{path} is not a whole Echelon recording: {error}") from error
+        return gather((each.key, each.payload) for each in read_messages(path, wanted))
+    except msgspec.MsgspecError as error:
+        raise GroundError(f"{path} is no recording of this version: {error}") from error
+
+
+def topic_of(key: str) -> topics.Topic | None:
+    """The registry's topic that a key of a recording belongs to, if any."""
+    try:
+        return keys.parse(key).topic
+    except ValueError:
+        return None
 
 
 def gather(found: Iterable[tuple[str, bytes]]) -> Run:
-    """Sort messages, given as (key, JSON payload), into a run."""
-    decoders = {topic.name: msgspec.json.Decoder(topic.message) for topic in topics.PUBLISHED}
-    rows: dict[str, dict[str, list[msgspec.Struct]]] = {name: {} for name in decoders}
+    """Sort messages, given as (key, JSON payload), into a run. Other topics are left aside."""
+    decoders = {topic.name: msgspec.json.Decoder(topic.message) for topic in GATHERED}
+    rows: dict[topics.Topic, dict[str, list[msgspec.Struct]]] = {each: {} for each in GATHERED}
     addresses: dict[str, keys.Address] = {}
     for key, payload in found:
         if key not in addresses:
             addresses[key] = keys.parse(key)
-        name, robot = addresses[key].topic.name, addresses[key].robot
-        rows[name].setdefault(robot, []).append(decoders[name].decode(payload))
+        address = addresses[key]
+        if address.topic in rows:
+            message = decoders[address.topic.name].decode(payload)
+            rows[address.topic].setdefault(address.robot, []).append(message)
+    poses = _of(rows[topics.POSE], messages.PoseEstimate)
+    relatives = _of(rows[topics.RELATIVE], messages.RelativeEstimate)
     return Run(
-        truth=_tracks(_of(rows[topics.TRUTH.name], messages.Truth)),
-        pose=_tracks(_of(rows[topics.POSE.name], messages.PoseEstimate)),
-        relative=_sightlines(_of(rows[topics.RELATIVE.name], messages.RelativeEstimate)),
-        motion=_of(rows[topics.MOTION.name], messages.Motion),
-        status=_of(rows[topics.STATUS.name], messages.Status),
+        truth=_tracks(_of(rows[topics.TRUTH], messages.Truth)),
+        pose=_tracks(poses),
+        relative=_sightlines(relatives),
+        motion=_of(rows[topics.MOTION], messages.Motion),
+        status=_of(rows[topics.STATUS], messages.Status),
+        poses=poses,
+        relatives=relatives,
+        events=_of(rows[topics.EVENT], messages.Event),
+        start=_of(rows[topics.ROBOT_START], messages.RobotStart),
+        simulated_bus=_of(rows[topics.SIM_BUS], messages.SimulatedBus),
     )
 
 

@@ -17,7 +17,7 @@ def print_summary(console: Console, judged: Summary, bars: Acceptance) -> None:
     )
     for heading in ("what", "value", "limit"):
         table.add_column(heading, justify="left" if heading == "what" else "right")
-    for what, value, limit, unit in _rows(judged, bars):
+    for what, value, limit, unit in judged_rows(judged, bars):
         shown = "none" if value is None else f"{value:.4f} {unit}"
         table.add_row(what, shown, "" if limit is None else f"{limit:g} {unit}")
     console.print(table)
@@ -26,7 +26,10 @@ def print_summary(console: Console, judged: Summary, bars: Acceptance) -> None:
     console.print(f"verdict: [bold {'green' if passed else 'red'}]{judged.verdict}[/]")
 
 
-def _rows(judged: Summary, bars: Acceptance) -> list[tuple[str, float | None, float | None, str]]:
+def judged_rows(
+    judged: Summary, bars: Acceptance
+) -> list[tuple[str, float | None, float | None, str]]:
+    """What, value, bar (None where it is not judged by it) and unit of every judged quantity."""
     rows: list[tuple[str, float | None, float | None, str]] = []
     for name, error in judged.followers.items():
         by_place = judged.mission.law[name] == "leader_frame"

@@ -17,6 +17,7 @@ from onboard.canbus.port import BusUnavailable, CanPort
 from onboard.link import Link, LinkUnavailable
 from onboard.loop import run
 from onboard.robot import Robot
+from onboard.step_record import StepRecorder
 from onboard.timing import LoopStatistics
 
 BAD_INPUT = 2
@@ -52,6 +53,7 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
     settings = fleet.robots[name]
     can, channel = settings.can, expand_channel(fleet, name)
     robot = Robot(fleet, name, CanDatabase.load(), seed)
+    record = StepRecorder(fleet, name, seed)
     stop_signals: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _: stop_signals.append(received))
@@ -66,7 +68,7 @@ def _drive(fleet_name: str, name: str, seed: int) -> None:
             print(f"{name}: no real-time priority: {refusal}", file=sys.stderr)
         print(f"{name}: up on {can.interface} {channel}", file=sys.stderr)
         period_s = 1.0 / settings.loop.rate_hz
-        run(robot, port, link, period_s, statistics, black_box, lambda: bool(stop_signals))
+        run(robot, port, link, period_s, statistics, black_box, record, lambda: bool(stop_signals))
         health = statistics.health
         print(
             f"{name}: {health.cycles} cycles, {health.overruns} overruns, "

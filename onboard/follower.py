@@ -4,6 +4,7 @@ import math
 
 from config.angles import wrap
 from config.fleet import Fleet, Robot
+from config.formations import DEFAULT, place_of, slide_speed_mps
 from config.messages import Message, Motion, RelativeEstimate
 from config.topics import RELATIVE, Topic
 from onboard.control.formation import desired_velocity
@@ -35,8 +36,8 @@ class Follower:
         self._name = name
         self._robot = fleet.robots[name]
         assert self._robot.leader is not None, "a follower has a leader"
-        assert self._robot.offset is not None, "a follower has a place"
-        self._leader_name, self._offset = self._robot.leader, self._robot.offset
+        self._leader_name, self._fleet = self._robot.leader, fleet
+        self.formation = DEFAULT
         self._leader = fleet.robots[self._leader_name]
         self._leader_markers = {marker.id: marker for marker in self._leader.markers}
         self._own_markers = {marker.id: marker for marker in self._robot.markers}
@@ -51,7 +52,9 @@ class Follower:
         self.observability = RangeMonitor(self._robot, self._leader, self._leader_name)
         self._nis_watch = NisWatch()
         self._own_misfits, self._mutual_misfits = _misfit_watches(self._leader_name)
-        self._range_watch = RangeWatch(self._robot, self._leader_name, self._offset)
+        self._range_watch = RangeWatch(
+            self._robot, self._leader_name, place_of(fleet, name, DEFAULT)
+        )
 
     def hear(self, at: Stamp, motion: Motion) -> None:
         """Keep the leader's newest message, and from every message what it saw of this robot."""
@@ -89,6 +92,7 @@ class Follower:
                 self._count(innovation, self._own_misfits)
         self._use_sightings(self._filter, at)
         self.observability.observe(dt_s, odometry, self._leader_wheel, self._filter.estimate)
+        self._range_watch.slide(dt_s)
         if self._driving:
             belief, told = self._filter.estimate(), self._filter.range_told
             self._range_watch.look(dt_s, belief, told, odometry.speed_mps)
@@ -231,6 +235,16 @@ class Follower:
         )
         return [problem for problem in problems if problem is not None]
 
+    def particles(self) -> list[tuple[float, float]]:
+        """The relative filter has none."""
+        return []
+
+    def change_formation(self, name: str) -> None:
+        """Let the place slide to the one in the formation, all robots taking the same time."""
+        speed_mps = slide_speed_mps(self._fleet, self._name, self.formation, name)
+        self.formation = name
+        self._range_watch.go_to(place_of(self._fleet, self._name, name), speed_mps)
+
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
         """Where the leader is believed to be."""
         if self._filter is None:
@@ -255,6 +269,8 @@ class Follower:
             range_told=self._filter.range_told,
             range_state=self._range_watch.state,
             range_reason=self._range_watch.reason,
+            place_x_m=self._range_watch.place.x_m,
+            place_y_m=self._range_watch.place.y_m,
         )
 
 

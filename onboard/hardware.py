@@ -205,6 +205,8 @@ def drive_health(feedback: MotorFeedback) -> DriveHealth:
         [*feedback.faults] or ([feedback.reason] if feedback.state is MotorState.FAULT else []),
         _finite(feedback.position),
         _finite(feedback.velocity),
+        _finite(feedback.bus_voltage_v),
+        _finite(feedback.temperature_degc),
     )
 
 

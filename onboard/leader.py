@@ -1,6 +1,7 @@
 """The leader: drives the mission's schedule and localises itself from bearings to landmarks."""
 
 from config.fleet import Fleet
+from config.formations import DEFAULT
 from config.messages import Message, Motion, PoseEstimate
 from config.topics import POSE, Topic
 from onboard.control.schedule import LeaderReference, VelocityPlan
@@ -10,6 +11,8 @@ from onboard.estimate.localiser_factory import make_localiser
 from onboard.estimate.observability_monitor import LandmarkMonitor
 from onboard.role import Observation, Odometry, Stamp
 from onboard.safety.observations import EstimateSeen, LeaderSeen
+
+PARTICLES_TOLD = 100
 
 
 class Leader:
@@ -24,6 +27,7 @@ class Leader:
         self._localiser: Localiser | None = None
         self._reference: LeaderReference | None = None
         self._pace = 1.0
+        self.formation = DEFAULT
         self.observability = LandmarkMonitor(self._robot, self._landmarks)
 
     def hear(self, at: Stamp, motion: Motion) -> None:
@@ -106,6 +110,14 @@ class Leader:
             return ["no pose before the first encoder reading"]
         problem = self.estimate_problem()
         return [] if problem is None else [problem]
+
+    def particles(self) -> list[tuple[float, float]]:
+        """Those of a particle filter."""
+        return [] if self._localiser is None else self._localiser.particles(PARTICLES_TOLD)
+
+    def change_formation(self, name: str) -> None:
+        """Those behind move; the leader only says so."""
+        self.formation = name
 
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
         """The pose with its covariance; valid once it is trusted."""

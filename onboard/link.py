@@ -1,5 +1,7 @@
 """A robot's Zenoh link: what the loop polls and what it publishes. No callbacks, no threads."""
 
+from collections import deque
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Self
 
@@ -13,17 +15,23 @@ from config.messages import (
     CommandReply,
     Estop,
     Ground,
+    Message,
     Motion,
     StructT,
     Unreadable,
     decode,
     encode,
 )
+from config.topics import Topic
 from config.zenoh_settings import session_config
 from onboard.step import Outputs, Request
 
 MOTION_BACKLOG = 4
 COMMAND_BACKLOG = 8
+RECORD_BACKLOG = 4000
+"""Messages of the step record kept until somebody listens: some 20 s of a loop at 100 Hz."""
+RECORD_BURST = 8
+"""Of those kept, how many may go out in one cycle."""
 
 
 class LinkUnavailable(Exception):
@@ -59,8 +67,10 @@ class Link:
         )
         self._publishers = {
             topic.name: self._session.declare_publisher(topic.key(fleet.name, name))
-            for topic in topics.ROBOTS_OWN
+            for topic in (*topics.ROBOTS_OWN, *topics.STEP_RECORD)
         }
+        self._records: deque[tuple[str, bytes]] = deque(maxlen=RECORD_BACKLOG)
+        self._recorded_by_someone = False
         self._token = self._session.liveliness().declare_token(
             topics.liveliness_key(fleet.name, name)
         )
@@ -122,6 +132,21 @@ class Link:
             self._publishers[topic.name].put(encode(message))
         for number, reply in outputs.replies:
             self._answer(self._waiting.pop(number), reply)
+
+    def record(self, messages: Iterable[tuple[Topic, Message]]) -> None:
+        """Send a step's record, in order; what nobody can hear yet is kept for a while.
+
+        A recording is complete from the first step on only if none is lost before the ground
+        station is found.
+        """
+        self._records.extend((topic.name, encode(message)) for topic, message in messages)
+        if not self._recorded_by_someone:
+            status = self._publishers[topics.STEP.name].matching_status
+            self._recorded_by_someone = status.matching  # type: ignore[attr-defined]  # the stub says bool
+            return
+        for _ in range(min(RECORD_BURST, len(self._records))):
+            name, body = self._records.popleft()
+            self._publishers[name].put(body)
 
     def _drain(self, handler: Handler[zenoh.Sample], kind: type[StructT]) -> list[StructT]:
         received: list[StructT] = []

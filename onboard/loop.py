@@ -14,6 +14,7 @@ from onboard.canbus.port import CanPort
 from onboard.link import Link
 from onboard.robot import Robot
 from onboard.step import Inputs
+from onboard.step_record import StepRecorder
 from onboard.timing import LoopStatistics, Schedule
 
 # A thread that holds the interpreter gives it up this often; the default of 5 ms is half a cycle.
@@ -27,6 +28,7 @@ def run(
     period_s: float,
     statistics: LoopStatistics,
     black_box: BlackBox | None,
+    record: StepRecorder,
     shutdown: Callable[[], bool],
 ) -> None:
     """Step the robot until it is asked to shut down and has come to rest."""
@@ -39,25 +41,25 @@ def run(
         started_s, wall_s = time.monotonic(), time.time()
         late_s = started_s - schedule.next_s
         frames = port.receive(started_s, wall_s)
-        outputs = robot.step(
-            Inputs(
-                now_s=started_s,
-                wall_s=wall_s,
-                frames=frames,
-                bus=port.health(),
-                loop=statistics.health,
-                late_s=late_s,
-                motions=link.motions(),
-                requests=link.requests(),
-                estops=link.estops(),
-                grounds=link.grounds(),
-                unreadable=link.unreadable(),
-                notes=port.take_notes(),
-                free_disk_mb=None if black_box is None else black_box.free_mb,
-                shutdown=shutdown(),
-            )
+        inputs = Inputs(
+            now_s=started_s,
+            wall_s=wall_s,
+            frames=frames,
+            bus=port.health(),
+            loop=statistics.health,
+            late_s=late_s,
+            motions=link.motions(),
+            requests=link.requests(),
+            estops=link.estops(),
+            grounds=link.grounds(),
+            unreadable=link.unreadable(),
+            notes=port.take_notes(),
+            free_disk_mb=None if black_box is None else black_box.free_mb,
+            shutdown=shutdown(),
         )
+        outputs = robot.step(inputs)
         port.send(outputs.frames)
         link.publish(outputs)
+        link.record(record.messages(inputs, outputs))
         finished_s = time.monotonic()
         statistics.record(finished_s - started_s, late_s, schedule.advance(finished_s))

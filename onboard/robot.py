@@ -9,6 +9,7 @@ from config.can.database import CanDatabase
 from config.can.frame import Frame
 from config.can.vehicle import EstopSource, HostState
 from config.fleet import Fleet
+from config.formations import formation_names
 from config.messages import Sighting
 from onboard.control.steering import WheelController
 from onboard.follower import Follower
@@ -58,7 +59,14 @@ class Robot:
             database, settings.vehicle, settings.limits, settings.bearing_sensor.unit
         )
         self._telemetry = Telemetry(name)
-        self._supervision = Supervision(name, settings, self._role, self._hardware, self._telemetry)
+        self._supervision = Supervision(
+            name,
+            settings,
+            self._role,
+            self._hardware,
+            self._telemetry,
+            formation_names(fleet),
+        )
         self._last_s: float | None = None
 
     @property
@@ -145,6 +153,8 @@ class Robot:
         )
         telemetry.estimate(self._role)
         telemetry.observability(self._role.observability)
+        telemetry.bearings(observations)
+        telemetry.particles(self._role)
         telemetry.status(
             state=supervision.state,
             reason=supervision.reason,
@@ -155,6 +165,7 @@ class Robot:
             blocked_frames=self._guard.blocked.total(),
             steering=drive_health(self._hardware.steering.feedback),
             drive=drive_health(self._hardware.drive.feedback),
+            formation=self._role.formation,
             changed=supervision.changed,
         )
 

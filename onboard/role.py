@@ -86,5 +86,15 @@ class Role(Protocol):
     def not_ready(self) -> list[str]:
         """What the estimate still lacks before the robot may be armed."""
 
+    def particles(self) -> list[tuple[float, float]]:
+        """Places [m] of some of the estimate's particles, for people."""
+
+    @property
+    def formation(self) -> str:
+        """Name of the formation that the robot holds or is changing to."""
+
+    def change_formation(self, name: str) -> None:
+        """Go over to another formation of the fleet file, at the pace that the file allows."""
+
     def report(self, seq: int, at: Stamp) -> tuple[Topic, Message] | None:
         """The estimate as a message, once there is one."""

@@ -4,6 +4,8 @@ A fault's path: device driver -> `Lookout` -> `safety.failsafe` -> `safety.state
 `_follow_state` (power of the drives) and, for the ramp, `Robot._drive`.
 """
 
+from collections.abc import Sequence
+
 from config.fleet import Robot
 from config.messages import Command, CommandReply
 from onboard.hardware import Hardware
@@ -17,6 +19,7 @@ from onboard.step import Inputs, Request
 from onboard.telemetry import Telemetry
 
 COMMANDS = {"arm": Event.ARM, "start": Event.START, "stop": Event.STOP, "reset": Event.RESET}
+FORMATION = "formation"
 # Beyond the ramp itself: what the drives may take to report that they are idle.
 STOP_SLACK_S = 2.0
 # An e-stop is repeated at 20 Hz; this long after the last one it counts as withdrawn.
@@ -33,7 +36,9 @@ class Supervision:
         role: Role,
         hardware: Hardware,
         telemetry: Telemetry,
+        formations: Sequence[str],
     ) -> None:
+        self._formations = formations
         self._name, self._settings, self._role = name, settings, role
         self._hardware, self._telemetry = hardware, telemetry
         self._states = StateMachine()
@@ -112,9 +117,11 @@ class Supervision:
         self, at: Stamp, request: Request, odometry: Odometry | None
     ) -> tuple[int, CommandReply]:
         number, command = request
+        if command.name == FORMATION:
+            return number, self._change_formation(command)
         event = COMMANDS.get(command.name)
         if event is None:
-            known = ", ".join(COMMANDS)
+            known = ", ".join((*COMMANDS, FORMATION))
             return number, self._refused(f"unknown command {command.name!r}; known are {known}")
         if problem := refused_overrides(command.override, self._settings):
             return number, self._refused(problem)
@@ -131,6 +138,17 @@ class Supervision:
         if event is Event.RESET:
             self._hardware.clear_faults()
         return number, CommandReply(robot=self._name, accepted=True, reason=result.reason)
+
+    def _change_formation(self, command: Command) -> CommandReply:
+        if command.formation not in self._formations:
+            known = ", ".join(self._formations)
+            return self._refused(f"no formation {command.formation!r} here; known are {known}")
+        if command.formation != self._role.formation:
+            self._role.change_formation(command.formation)
+            self.changed = True
+            text = f"formation {command.formation} by {command.operator}"
+            self._telemetry.event("info", text)
+        return CommandReply(robot=self._name, accepted=True, reason="")
 
     def _refused(self, reason: str) -> CommandReply:
         return CommandReply(robot=self._name, accepted=False, reason=reason)

@@ -2,19 +2,22 @@
 
 from config import topics
 from config.messages import (
+    Bearings,
     BusHealth,
     DriveHealth,
     Event,
+    Look,
     LoopHealth,
     Message,
     Motion,
     Observability,
+    Particles,
     Sighting,
     Status,
 )
 from config.topics import Topic
 from onboard.estimate.observability_monitor import ObservabilityMonitor
-from onboard.role import Odometry, Role, Stamp
+from onboard.role import Observation, Odometry, Role, Stamp
 
 # A tick may come a little early; half a period of the fastest topic is slack enough.
 RATE_SLACK_S = 0.002
@@ -30,6 +33,7 @@ class Telemetry:
         self._out: list[tuple[Topic, Message]] = []
         self._at = Stamp(0.0, 0.0)
         self._degraded = False
+        self._looks: dict[int, Look] = {}
 
     def begin(self, at: Stamp) -> None:
         """Messages made from now on are stamped with this instant."""
@@ -109,6 +113,32 @@ class Telemetry:
         )
         self._out.append((topics.OBSERVABILITY, message))
 
+    def bearings(self, observations: list[Observation]) -> None:
+        """The newest look at every marker since the last message, at the topic's rate."""
+        for seen in observations:
+            self._looks[seen.marker] = Look(seen.marker, seen.body_rad, seen.std_rad)
+        if not self._due(topics.BEARINGS):
+            return
+        seq, t_ns, wall_ns = self._head(topics.BEARINGS)
+        looks, self._looks = list(self._looks.values()), {}
+        message = Bearings(seq=seq, t_ns=t_ns, wall_ns=wall_ns, robot=self._name, looks=looks)
+        self._out.append((topics.BEARINGS, message))
+
+    def particles(self, role: Role) -> None:
+        """Some of the estimate's particles at the topic's rate, where it has any."""
+        if not self._due(topics.PARTICLES) or not (found := role.particles()):
+            return
+        seq, t_ns, wall_ns = self._head(topics.PARTICLES)
+        message = Particles(
+            seq=seq,
+            t_ns=t_ns,
+            wall_ns=wall_ns,
+            robot=self._name,
+            x_m=[round(x_m, 4) for x_m, _ in found],
+            y_m=[round(y_m, 4) for _, y_m in found],
+        )
+        self._out.append((topics.PARTICLES, message))
+
     def status(
         self,
         *,
@@ -121,6 +151,7 @@ class Telemetry:
         blocked_frames: int,
         steering: DriveHealth,
         drive: DriveHealth,
+        formation: str,
         changed: bool,
     ) -> None:
         """State and health at the topic's rate, and at once when the state has changed."""
@@ -142,6 +173,7 @@ class Telemetry:
             blocked_frames=blocked_frames,
             steering=steering,
             drive=drive,
+            formation=formation,
         )
         self._out.append((topics.STATUS, message))
 

@@ -89,3 +89,6 @@ class Localiser(Protocol):
 
     def trust(self) -> Trust:
         """Whether that belief may be driven on."""
+
+    def particles(self, count: int) -> list[tuple[float, float]]:
+        """Places [m] of `count` particles drawn by their weights; none without particles."""

@@ -125,6 +125,10 @@ class GaussianLocaliser:
         """The present belief; None while searching."""
         return None if self._filter is None else self._filter.estimate()
 
+    def particles(self, count: int) -> list[tuple[float, float]]:
+        """This filter has none."""
+        return []
+
     def trust(self) -> Trust:
         """Trusted from a known start on, or from when a found pose has been confirmed."""
         trusted = self._stage is Stage.TRUSTED

@@ -168,6 +168,13 @@ class ParticleLocaliser:
             bias_rad=0.0,
         )
 
+    def particles(self, count: int) -> list[tuple[float, float]]:
+        """Places [m] of `count` particles drawn by their weights, systematically."""
+        marks = (np.arange(count) + 0.5) / count
+        chosen = np.searchsorted(np.cumsum(self._weights), marks)
+        chosen = np.minimum(chosen, self._weights.size - 1)
+        return [(float(x), float(y)) for x, y in self._states[: Y + 1, chosen].T]
+
     def _add_noise(self, dt_s: float, standing: bool) -> None:
         factor = math.sqrt(dt_s) * (STANDING_NOISE if standing else 1.0)
         position = self._settings.position_noise_m * factor

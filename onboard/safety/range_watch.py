@@ -40,6 +40,7 @@ class RangeWatch:
         self.reason = ""
         self.fall_back = False
         self._leader, self._offset = leader, offset
+        self._target, self._slide_mps = offset, 0.0
         self._std_limit = robot.failsafe.range_deviation.limit_fraction
         self._safe_m = robot.failsafe.distance_low.limit_m
         self._spacing_factor = robot.failsafe.spacing_factor
@@ -65,6 +66,24 @@ class RangeWatch:
         """Forget the last drive."""
         self.state, self.reason, self._extra_m = RangeState.OK, "", 0.0
         self.fall_back = False
+
+    def go_to(self, target: Point, speed_mps: float) -> None:
+        """Let the place slide to another one, straight there."""
+        self._target, self._slide_mps = target, speed_mps
+
+    def slide(self, dt_s: float) -> None:
+        """Move the place on by `dt_s` where it is not yet where it shall be."""
+        if self._offset == self._target:
+            return
+        dx_m, dy_m = self._target.x_m - self._offset.x_m, self._target.y_m - self._offset.y_m
+        left_m, step_m = math.hypot(dx_m, dy_m), self._slide_mps * dt_s
+        if left_m <= step_m:
+            self._offset = self._target
+            return
+        share = step_m / left_m
+        self._offset = Point(
+            x_m=self._offset.x_m + share * dx_m, y_m=self._offset.y_m + share * dy_m
+        )
 
     def look(self, dt_s: float, belief: RelativeBelief, told: bool, speed_mps: float) -> None:
         """Judge the belief; `told` says whether anything makes the range observable.

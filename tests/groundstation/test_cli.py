@@ -1,6 +1,7 @@
 """The command line: help with examples, JSON on standard output, bad input without traceback."""
 
 import json
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -15,13 +16,26 @@ from groundstation.endpoints import with_real_port
 from groundstation.fleet_link import ANY_LOOPBACK, FleetLink
 from tests.groundstation.fake_robot import FakeRobot, robots
 
-COMMANDS = ("demo", "status", "arm", "start", "stop", "estop", "reset", "doctor", "fault")
+COMMANDS = (
+    "demo",
+    "monitor",
+    "status",
+    "arm",
+    "start",
+    "stop",
+    "estop",
+    "reset",
+    "record",
+    "doctor",
+    "fault",
+)
 NEEDED = {"doctor": ("--mission",), "fault": ("r1", "bearing", "stuck")}
 """What a command needs besides a fleet."""
+ABOUT_FILES = ("recover", "replay", "report")
 RUNNER = CliRunner()
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*COMMANDS, *ABOUT_FILES])
 def test_help_shows_an_example(command: str) -> None:
     result = RUNNER.invoke(app, [command, "--help"])
     assert result.exit_code == 0
@@ -120,3 +134,21 @@ def test_status_of_a_running_fleet_is_one_json_document() -> None:
         fleet.robots, "STANDBY"
     )
     assert lines.stdout.startswith("r1: STANDBY, ready, loop p99 2.00 ms")
+
+
+def test_an_unknown_formation_is_refused_with_the_known_ones() -> None:
+    result = RUNNER.invoke(app, ["formation", "star"])
+    assert result.exit_code == 2
+    assert "no formation 'star'; known are default, wide, left" in result.stderr
+
+
+def test_a_port_of_the_page_in_use_is_told(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        endpoint = with_real_port(ANY_LOOPBACK)
+        result = RUNNER.invoke(app, ["monitor", "--port", port, "--ground", endpoint])
+    assert result.exit_code == 2
+    assert f"port {port}: Address already in use" in result.stderr
+    assert "--port" in result.stderr

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from groundstation.replay_check import check, to_text
 from groundstation.series import Run, read_run
 from tests.processes.running import demo, short_demo, wait_for
 
@@ -26,6 +27,9 @@ def test_a_short_mission_passes_and_leaves_nothing_running(tmp_path: Path) -> No
     names = {path.name for path in (tmp_path / "run").iterdir()}
     assert names >= {"run.mcap", "fleet.yaml", "summary.json", "trajectories.png", "formation.png"}
     assert json.loads((tmp_path / "run" / "summary.json").read_text()) == summary
+    replayed = check(tmp_path / "run" / "run.mcap")
+    assert to_text(replayed).endswith("verdict: pass")
+    assert [robot.robot for robot in replayed.robots] == ["r1", "r2", "r3"]
 
 
 def test_a_killed_leader_brings_every_follower_to_rest_within_a_second(tmp_path: Path) -> None:

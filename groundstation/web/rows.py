@@ -1,0 +1,126 @@
+"""One line of the table: a robot's health, from the latest messages."""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+from config.fleet import Fleet, Point
+from config.messages import (
+    DriveHealth,
+    Message,
+    Motion,
+    Observability,
+    PoseEstimate,
+    RelativeEstimate,
+    Status,
+    Truth,
+)
+from groundstation.web.geometry import seen_in_leader_axes
+from groundstation.web.wire import Drive, Row
+
+STATUSES = 50
+"""The youngest of a robot's last statuses tells how far the two wall clocks differ."""
+
+Latest = Mapping[tuple[str, type[Message]], Message]
+
+
+class ClockOffsets:
+    """How far each robot's wall clock is behind this machine's, transmission time included."""
+
+    def __init__(self) -> None:
+        self._ages_s: dict[str, deque[float]] = {}
+
+    def add(self, robot: str, age_s: float) -> None:
+        """A status arrived that was `age_s` old by the two clocks."""
+        self._ages_s.setdefault(robot, deque(maxlen=STATUSES)).append(age_s)
+
+    def offset_s(self, robot: str) -> float | None:
+        """The least age: the clock's offset plus the shortest transmission."""
+        ages = self._ages_s.get(robot)
+        return min(ages) if ages else None
+
+
+def row(
+    fleet: Fleet,
+    name: str,
+    latest: Latest,
+    newest: Status | Motion | None,
+    now_s: float,
+    offset_s: float | None,
+    alive: bool | None,
+) -> Row:
+    """One robot's line at `now_s`."""
+    status = latest.get((name, Status))
+    if newest is None or not isinstance(status, Status):
+        return Row(
+            state="" if newest is None else newest.state,
+            reason="" if newest is None else newest.reason,
+            age_s=None if newest is None else now_s - newest.wall_ns * 1e-9,
+            alive=alive,
+        )
+    seen, pose = latest.get((name, RelativeEstimate)), latest.get((name, PoseEstimate))
+    told = latest.get((name, Observability))
+    relative = seen if isinstance(seen, RelativeEstimate) else None
+    place = _place(fleet, name, relative)
+    return Row(
+        state=newest.state,
+        reason=newest.reason,
+        ready=status.ready,
+        not_ready=status.not_ready,
+        mission_time_s=status.mission_time_s,
+        formation=status.formation,
+        formation_error_m=_believed_error_m(place, relative),
+        true_error_m=_true_error_m(fleet, name, place, latest),
+        age_s=round(now_s - newest.wall_ns * 1e-9, 4),
+        alive=alive,
+        loop_p50_ms=status.loop.p50_ms,
+        loop_p99_ms=status.loop.p99_ms,
+        overruns=status.loop.overruns,
+        realtime=status.loop.realtime,
+        bus_state=status.bus.state,
+        bus_load=status.bus.load,
+        send_failures=status.bus.send_failures,
+        blocked_frames=status.blocked_frames,
+        steering=_drive(status.steering),
+        drive=_drive(status.drive),
+        battery_v=_least(status.steering.bus_voltage_v, status.drive.bus_voltage_v),
+        clock_offset_ms=None if offset_s is None else round(offset_s * 1e3, 2),
+        observability=told if isinstance(told, Observability) else None,
+        nis_state="" if relative is None else relative.nis_state,
+        range_state="ok" if relative is None else relative.range_state,
+        pose_trusted=pose.trusted if isinstance(pose, PoseEstimate) else True,
+    )
+
+
+def _drive(health: DriveHealth) -> Drive:
+    return Drive(health.state, health.faults, health.temperature_degc)
+
+
+def _least(*values: float | None) -> float | None:
+    return min((value for value in values if value is not None), default=None)
+
+
+def _place(fleet: Fleet, name: str, seen: RelativeEstimate | None) -> Point | None:
+    """The wanted place in the leader's body axes, as the follower has it now."""
+    if seen is None or seen.place_x_m is None or seen.place_y_m is None:
+        return fleet.robots[name].offset
+    return Point.model_construct(x_m=seen.place_x_m, y_m=seen.place_y_m)
+
+
+def _believed_error_m(place: Point | None, seen: RelativeEstimate | None) -> float | None:
+    if place is None or seen is None or not seen.valid:
+        return None
+    forward, left = seen_in_leader_axes(seen)
+    return round(math.hypot(forward - place.x_m, left - place.y_m), 4)
+
+
+def _true_error_m(fleet: Fleet, name: str, place: Point | None, latest: Latest) -> float | None:
+    leader = fleet.robots[name].leader
+    if place is None or leader is None:
+        return None
+    own, ahead = latest.get((name, Truth)), latest.get((leader, Truth))
+    if not isinstance(own, Truth) or not isinstance(ahead, Truth):
+        return None
+    dx, dy = own.x_m - ahead.x_m, own.y_m - ahead.y_m
+    cos, sin = math.cos(ahead.heading_rad), math.sin(ahead.heading_rad)
+    return round(math.hypot(cos * dx + sin * dy - place.x_m, cos * dy - sin * dx - place.y_m), 4)
