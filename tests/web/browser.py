@@ -122,6 +122,10 @@ class Processes:
         for name in self.fleet.robots:
             self.start(*self._python("onboard"), "--robot", name, log=f"{name}.log")
 
+    def up(self, name: str) -> bool:
+        """Whether a robot's process says that it is up."""
+        return " up on " in (self._folder / f"{name}.log").read_text()
+
     def _python(self, module: str) -> list[str]:
         return [sys.executable, "-m", module, "--fleet", str(self._path)]
 
