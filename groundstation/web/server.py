@@ -174,6 +174,9 @@ class PageServer:
         commanding = self._hub.commanding
         if isinstance(said, wire.Got):
             client.drawn(said.n)
+        elif isinstance(said, wire.Introduce):
+            self._introduce(client, said)
+            self._hub.tell_control()
         elif isinstance(said, wire.Play):
             self._play(said)
         elif commanding is None:

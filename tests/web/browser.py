@@ -22,6 +22,8 @@ from tests.processes.running import BIN, wait_for, write_fleet
 ARGUMENTS = ["--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1", "--disable-gpu"]
 PATIENCE_MS = 20_000
 PATIENT_S = 2.0
+PATIENT_RATE_HZ = 20.0
+"""Of the bearing sensor, whose silence is judged in periods."""
 PATIENT_ROWS = (
     "drive_heartbeat_lost",
     "drive_estimate_stale",
@@ -122,6 +124,10 @@ class Processes:
         for name in self.fleet.robots:
             self.start(*self._python("onboard"), "--robot", name, log=f"{name}.log")
 
+    def up(self, name: str) -> bool:
+        """Whether a robot's process says that it is up."""
+        return " up on " in (self._folder / f"{name}.log").read_text()
+
     def _python(self, module: str) -> list[str]:
         return [sys.executable, "-m", module, "--fleet", str(self._path)]
 
@@ -147,7 +153,9 @@ def patient(fleet: Fleet) -> Fleet:
         }
         failsafe = robot.failsafe.model_copy(update=rows)
         loop = robot.loop.model_copy(update={"realtime_priority": 0})
-        robots[name] = robot.model_copy(update={"failsafe": failsafe, "loop": loop})
+        sensor = robot.bearing_sensor.model_copy(update={"rate_hz": PATIENT_RATE_HZ})
+        changes = {"failsafe": failsafe, "loop": loop, "bearing_sensor": sensor}
+        robots[name] = robot.model_copy(update=changes)
     simulation = fleet.simulation.model_copy(
         update={"watchdog_s": PATIENT_S, "realtime_priority": 0}
     )

@@ -87,6 +87,19 @@ def test_orders_reach_the_robots_in_the_operators_name(
     ]
 
 
+def test_an_operator_may_give_name_and_token_later(
+    source: FakeSource, commands: FakeCommands
+) -> None:
+    listen = Listen(port=0, token="of my own")
+    with PageServer(PAIR, source, commands, listen=listen) as server, opened(server) as page:
+        assert page.next("control")["authorised"] is False
+        page.say("introduce", name="Anna", token="of my own")
+        assert page.next("control", you="Anna")["authorised"] is True
+        page.say("order", id=1, name="arm")
+        page.next("answer", id=1)
+    assert [order.operator for order in commands.orders] == ["Anna"]
+
+
 def test_a_robot_that_refuses_is_named_with_its_reason(source: FakeSource) -> None:
     refusing = FakeCommands(PAIR, refuses="r2")
     with (

@@ -1,6 +1,6 @@
 // The one WebSocket: connects again by itself, and says when data has become old.
 
-const RETRY_FIRST_MS = 250, RETRY_LAST_MS = 2000, ACKNOWLEDGE_EVERY = 4, SILENT_MS = 1500, WATCH_MS = 500;
+const RETRY_FIRST_MS = 250, RETRY_LAST_MS = 1000, ACKNOWLEDGE_EVERY = 4, SILENT_MS = 1500, WATCH_MS = 500;
 
 export class Connection {
   constructor(introduction, handlers, changed) {
