@@ -17,8 +17,10 @@ def test_the_documentation_has_each_topic_with_its_type_and_rate(topic: Topic) -
     assert len(rows) == 1
     assert f"`{topic.message.__name__}`" in rows[0]
     if topic.rate_hz:
-        assert f"| {topic.rate_hz:g} Hz" in rows[0]
-        assert f"| {topic.stale_after_s:g} s |" in rows[0]
+        period = f"every {1 / topic.rate_hz:g} s" if topic.rate_hz < 1 else f"{topic.rate_hz:g} Hz"
+        assert f"| {period}" in rows[0]
+        stale = f"{topic.stale_after_s:g} s" if topic.stale_after_s else "-"
+        assert f"| {stale} |" in rows[0]
 
 
 def test_no_key_expression_of_the_robots_reaches_the_truth_or_the_emulated_hardware() -> None:

@@ -41,7 +41,7 @@ def estop_ids(lockstep: Lockstep, name: str) -> set[int]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_emergency_stop_is_on_the_bus_in_the_cycle_that_hears_it(name: str) -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=(name,)) as lockstep:
         stop = Estop(seq=1, t_ns=0, wall_ns=0, operator="test")
         lockstep.stations[name].estops.append(stop)
         sent = {frame.can_id for frame in sent_in_next_cycle(lockstep, name)}
@@ -54,7 +54,7 @@ def test_the_safety_nodes_button_is_on_the_bus_in_the_cycle_that_trusts_it(name:
     codec = CanDatabase.load().vehicle_aux().safety_status
     fields = dict.fromkeys(SafetyStatus._fields, 0.0) | {"power_enabled": 1, "estop_button": 1}
     node = ProtectedSender(codec)
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=(name,)) as lockstep:
         for cycle in range(3):
             frame = node.frame(lockstep.now_s, tuple(fields[name] for name in SafetyStatus._fields))
             lockstep.simulation.robots[name].bus.to_host.append(frame)
@@ -80,7 +80,7 @@ def test_a_stop_of_its_own_begins_its_ramp_in_the_cycle_that_notices_it(name: st
 
 
 def test_a_wheel_that_never_says_that_it_stands_is_a_fault_when_the_stop_is_overdue() -> None:
-    with driving(DEMO) as lockstep:
+    with driving(DEMO, broken=("r3",)) as lockstep:
         limits = lockstep.fleet.robots["r3"].limits
         due_s = limits.speed_mps / limits.deceleration_mps2 + 2.0
         lockstep.simulation.inject(Fault(robot="r3", device="drive", kind="stuck"))
