@@ -2,7 +2,8 @@
 
 Peers with explicit endpoints: gossip makes the direct links, nothing is multicast, and a robot
 keeps its links to its neighbours when the ground station dies. The lease is what the node that
-fails has announced, so every node announces the same short one.
+fails has announced, so every node announces the same short one. Shared memory is off: the first
+message over 3 kB would make a pool of 16 MB in every process.
 """
 
 import json
@@ -32,6 +33,9 @@ def session_config(listen: str, connect: list[str]) -> str:
                 },
             },
             "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}, "delay": 0},
-            "transport": {"link": {"tx": {"lease": LEASE_MS}}},
+            "transport": {
+                "link": {"tx": {"lease": LEASE_MS}},
+                "shared_memory": {"enabled": False},
+            },
         }
     )
