@@ -71,7 +71,9 @@ STEP_RECORD: tuple[Topic, ...] = (STEP, ROBOT_START)
 SIM_BUS = Topic("bus", "sim/{fleet}/{robot}/bus", messages.SimulatedBus, 1.0, 3.0)
 FAULT = Topic("fault", "sim/{fleet}/{robot}/fault", messages.FaultOrder, recorded=False)
 
-PUBLISHED: tuple[Topic, ...] = (*ROBOTS_OWN, *STEP_RECORD, ESTOP, IN_COMMAND, TRUTH, SIM_BUS)
+WATCHED: tuple[Topic, ...] = (*ROBOTS_OWN, ESTOP, IN_COMMAND, TRUTH, SIM_BUS)
+"""What an operator's page and live viewers hear."""
+PUBLISHED: tuple[Topic, ...] = (*WATCHED, *STEP_RECORD)
 
 
 def liveliness_key(fleet: str, process: str) -> str:

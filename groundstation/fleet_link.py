@@ -4,12 +4,12 @@ import getpass
 import re
 import socket
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import NamedTuple, Self
 
 import zenoh
-from zenoh.handlers import FifoChannel
+from zenoh.handlers import FifoChannel, RingChannel
 
 from config import topics
 from config.fleet import Fleet
@@ -32,6 +32,8 @@ from groundstation.errors import GroundError
 from groundstation.fleet_view import FleetView
 
 BACKLOG = 8192
+SEEN_HZ = 40.0
+"""Of 100 messages a second every third is taken in: 33 for a page that draws 30 frames."""
 REPLY_TIMEOUT_S = 2.0
 ESTOP_PERIOD_S = 0.05
 ESTOP_FIRST_S, ESTOP_FIRST_PERIOD_S = 0.5, 0.002
@@ -51,10 +53,19 @@ class Heard(NamedTuple):
     message: Message
 
 
+class _Place(NamedTuple):
+    """Holds the newest message of one key."""
+
+    key: str
+    subscriber: zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
+
+
 class FleetLink:
     """Session with one fleet. Nothing arrives by itself: call `poll` at least every second.
 
     Use `as_ground_station` or `as_visitor` to make one, and close it (it is a context manager).
+    With `newest`, only the last message per key of topics that are published at a rate arrives,
+    and no more than SEEN_HZ of them: half the price for who wants to see the present.
     """
 
     def __init__(
@@ -64,16 +75,21 @@ class FleetLink:
         connect: list[str],
         hear: Iterable[Topic],
         announce: str | None = None,
+        newest: bool = False,
     ) -> None:
         self.view = FleetView()
         self.unreadable: list[str] = []
         self._fleet = fleet
-        self._session = _open(listen, connect)
+        self._session = _open(listen, connect, _seen_hz(fleet) if newest else {})
         self._addresses: dict[str, keys.Address] = {}
-        self._subscribers = [
-            (topic, self._session.declare_subscriber(topic.key(fleet.name), FifoChannel(BACKLOG)))
-            for topic in hear
-        ]
+        self._newest: dict[Topic, list[_Place]] = {}
+        self._queued: list[zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]] = []
+        for topic in hear:
+            if newest and topic.rate_hz > 0 and topic.per_robot:
+                self.follow(topic)
+            else:
+                key = topic.key(fleet.name)
+                self._queued.append(self._session.declare_subscriber(key, FifoChannel(BACKLOG)))
         self._tokens = self._session.liveliness().declare_subscriber(
             topics.liveliness_key(fleet.name, "*"), FifoChannel(BACKLOG), history=True
         )
@@ -92,19 +108,23 @@ class FleetLink:
         )
 
     @classmethod
-    def as_ground_station(cls, fleet: Fleet) -> Self:
+    def as_ground_station(
+        cls, fleet: Fleet, hear: Iterable[Topic] = topics.PUBLISHED, newest: bool = False
+    ) -> Self:
         """Listen on the fleet's ground endpoint and hear everything, truth too.
 
         Raises GroundError when the endpoint cannot be opened.
         """
-        return cls(fleet, fleet.ground, [], topics.PUBLISHED, announce="ground")
+        return cls(fleet, fleet.ground, [], hear, announce="ground", newest=newest)
 
     @classmethod
-    def as_visitor(cls, fleet: Fleet, hear: Iterable[Topic] = (topics.STATUS,)) -> Self:
+    def as_visitor(
+        cls, fleet: Fleet, hear: Iterable[Topic] = (topics.STATUS,), newest: bool = False
+    ) -> Self:
         """Join a running fleet through its ground station and its robots' fixed endpoints."""
         robots = [robot.listen for robot in fleet.robots.values()]
         fixed = [endpoint for endpoint in robots if not endpoint.endswith(":0")]
-        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], hear)
+        return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], hear, newest=newest)
 
     def __enter__(self) -> Self:
         return self
@@ -117,11 +137,8 @@ class FleetLink:
     ) -> None:
         self._session.close()
 
-    def poll(self, newest: bool = False) -> list[Heard]:
+    def poll(self) -> list[Heard]:
         """Everything that arrived since the last call, also taken into `view`.
-
-        With `newest`, only the last message per key of topics that are published at a rate: much
-        cheaper for who wants to see the present.
 
         A message that cannot be read is left out and named in `unreadable`. A ground station's
         heartbeat goes out from here, so that it stops where nobody looks at the fleet any more.
@@ -134,18 +151,27 @@ class FleetLink:
             else:
                 self.view.alive.discard(process)
         heard: list[Heard] = []
-        for topic, subscriber in self._subscribers:
-            receive = subscriber.handler.try_recv
-            if newest and topic.rate_hz > 0 and topic.per_robot:
-                last: dict[str, zenoh.Sample] = {}
-                while (sample := receive()) is not None:
-                    last[str(sample.key_expr)] = sample
-                for key, sample in last.items():
+        for places in self._newest.values():
+            for key, subscriber in places:
+                if (sample := subscriber.handler.try_recv()) is not None:
                     self._take(key, sample.payload.to_bytes(), heard)
-                continue
-            while (sample := receive()) is not None:
+        for queue in self._queued:
+            while (sample := queue.handler.try_recv()) is not None:
                 self._take(str(sample.key_expr), sample.payload.to_bytes(), heard)
         return heard
+
+    def follow(self, topic: Topic) -> None:
+        """From now on also hear the newest message of every robot on this topic."""
+        if topic not in self._newest:
+            own = [topic.key(self._fleet.name, name) for name in self._fleet.robots]
+            self._newest[topic] = [
+                _Place(key, self._session.declare_subscriber(key, RingChannel(1))) for key in own
+            ]
+
+    def leave(self, topic: Topic) -> None:
+        """Hear no more of a topic that was followed."""
+        for place in self._newest.pop(topic, []):
+            place.subscriber.undeclare()
 
     def _beat(self) -> None:
         if self._heartbeat is None or time.monotonic() < self._next_beat_s:
@@ -269,6 +295,16 @@ class FleetLink:
             heard.append(Heard(key, payload, message))
 
 
+def _seen_hz(fleet: Fleet) -> dict[str, float]:
+    """How many messages a second are worth taking in of every key that has more than enough."""
+    return {
+        topic.key(fleet.name, name): SEEN_HZ
+        for topic in topics.PUBLISHED
+        for name in fleet.robots
+        if topic.per_robot and topic.rate_hz > 2 * SEEN_HZ
+    }
+
+
 def operator() -> str:
     """Who commands: user and host."""
     return f"{getpass.getuser()}@{socket.gethostname()}"
@@ -289,9 +325,9 @@ def _reply(
     return CommandReply(robot=robot, accepted=False, reason=no_answer)
 
 
-def _open(listen: str, connect: list[str]) -> zenoh.Session:
+def _open(listen: str, connect: list[str], at_most_hz: Mapping[str, float]) -> zenoh.Session:
     try:
-        return zenoh.open(zenoh.Config.from_json5(session_config(listen, connect)))
+        return zenoh.open(zenoh.Config.from_json5(session_config(listen, connect, at_most_hz)))
     except zenoh.ZError as error:
         known = re.search(r"[A-Z][^:\[\]]*(?= \(os error)", str(error))
         cause = known[0] if known else str(error).split(" at /")[0]

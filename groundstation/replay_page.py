@@ -39,6 +39,9 @@ class RecordedSource:
         jumped, self._jumped = self._jumped, []
         return [*jumped, *self._arrivals(self._player.due(self._clock()))]
 
+    def show_truth(self, wanted: bool) -> None:
+        """A recording's truth is read in any case."""
+
     def alive(self) -> set[str] | None:
         """A recording does not tell."""
         return None

@@ -162,7 +162,7 @@ def _text(message: object) -> str:
 
 def _channels(fleet: Fleet, prefix: str) -> Iterable[Channel]:
     found: dict[str, topics.Topic] = {}
-    for topic in topics.PUBLISHED:
+    for topic in topics.WATCHED:
         for robot in fleet.robots:
             found.setdefault(prefix + topic.key(fleet.name, robot), topic)
     for number, (key, topic) in enumerate(found.items(), start=1):

@@ -18,10 +18,8 @@ from groundstation.web.page_client import PageClient
 from groundstation.web.picture import FleetPicture
 
 FRAME_PERIOD_S = 1 / 30
-ROWS_EVERY, CONTROL_EVERY = 6, 15
-"""Frames between two tables, and between two looks at who is in command."""
-UNWATCHED_EVERY = 3
-"""While nobody looks, so many frames make one sample of the history."""
+DETAILS_EVERY, ROWS_EVERY, CONTROL_EVERY = 3, 6, 15
+"""Frames between two looks at what changes slowly, two tables, and two at who is in command."""
 
 _encode = msgspec.json.Encoder().encode
 
@@ -43,6 +41,7 @@ class Hub:
         self._epoch = source.epoch
         self._clients: set[PageClient] = set()
         self._frames = 0
+        self._truth_wanted = False
         self.foxglove = FoxgloveServer(fleet, prefix)
         self.commanding = (
             None
@@ -74,30 +73,40 @@ class Hub:
 
     def _send(self, now_s: float) -> None:
         self._frames += 1
+        if self.commanding is not None:
+            self.commanding.look()
+        self._look_for_truth()
         watched = bool(self._clients) or self.foxglove.watched
-        if not watched and self._frames % UNWATCHED_EVERY:
-            if self.commanding is not None:
-                self.commanding.look()
+        detailed = self._frames % DETAILS_EVERY == 0
+        if not watched and not detailed:
             return
         robots = self._picture.robots(now_s)
         self.foxglove.show(now_s, robots)
-        if self.commanding is not None:
-            self.commanding.look()
+        details = self._picture.details(now_s, robots) if detailed else None
         lines = self._picture.take_log()
         if not self._clients:
             return
         playback = None if self.playback is None else self.playback.state()
         frame = _encode(wire.Frame(self._frames, now_s, robots, playback))
+        slow = None if details is None else _encode(wire.Details(now_s, details))
         log = _encode(wire.Log(lines)) if lines else None
         rows = self._rows(now_s) if self._frames % ROWS_EVERY == 0 else None
         for client in self._clients:
             client.offer_frame(self._frames, frame)
+            if slow is not None:
+                client.offer("details", slow)
             if rows is not None:
                 client.offer("rows", rows)
             if log is not None:
                 client.post(log)
         if self._frames % CONTROL_EVERY == 0:
             self.tell_control()
+
+    def _look_for_truth(self) -> None:
+        wanted = self.foxglove.watched or any(client.wants_truth for client in self._clients)
+        if wanted != self._truth_wanted:
+            self._truth_wanted = wanted
+            self._source.show_truth(wanted)
 
     def _rows(self, now_s: float) -> bytes:
         rows = self._picture.rows(now_s, self._source.alive())

@@ -41,6 +41,9 @@ class Source(Protocol):
     def alive(self) -> set[str] | None:
         """Processes that announce that they live; None where nothing can tell."""
 
+    def show_truth(self, wanted: bool) -> None:
+        """Whether anybody wants to see where simulated robots really are."""
+
 
 class Order(msgspec.Struct, frozen=True):
     """A command of the operator: arm, start, stop, reset or formation, for every robot.

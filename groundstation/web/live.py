@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
+from config import topics
 from config.fleet import Fleet
 from config.formations import DEFAULT
 from config.messages import CommandReply
@@ -15,7 +16,7 @@ BACKLOG = 20_000
 
 
 class LinkSource:
-    """What a link hears: all events, of the rest the newest. Only the page may poll the link."""
+    """What a link hears. Only the page may poll the link."""
 
     epoch = 0
 
@@ -28,11 +29,18 @@ class LinkSource:
 
     def poll(self) -> Sequence[Arrival]:
         """What has arrived since the last call."""
-        return arrivals(self._link.poll(newest=True))
+        return arrivals(self._link.poll())
 
     def alive(self) -> set[str] | None:
         """Processes with a liveliness token."""
         return self._link.view.alive
+
+    def show_truth(self, wanted: bool) -> None:
+        """Take the truth in only while somebody wants to see it."""
+        if wanted:
+            self._link.follow(topics.TRUTH)
+        else:
+            self._link.leave(topics.TRUTH)
 
 
 class HandedSource:
@@ -59,6 +67,9 @@ class HandedSource:
     def alive(self) -> set[str] | None:
         """Processes with a liveliness token."""
         return set(self._link.view.alive)
+
+    def show_truth(self, wanted: bool) -> None:
+        """The truth is handed on in any case."""
 
 
 class LinkCommands:

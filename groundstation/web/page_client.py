@@ -1,4 +1,7 @@
-"""One connected page: the newest of every kind of message, and no more frames than it draws."""
+"""One connected page: the newest of every kind of message, and no more frames than it draws.
+
+What is due goes out as one JSON list of messages: every packet has its price.
+"""
 
 import asyncio
 
@@ -14,7 +17,7 @@ class PageClient:
 
     def __init__(self, number: int, websocket: WebSocket, name: str) -> None:
         self.number, self.name = number, name
-        self.authorised = False
+        self.authorised = self.wants_truth = False
         self.frames_sent = self.frames_dropped = 0
         self._websocket = websocket
         self._newest: dict[str, bytes] = {}
@@ -56,14 +59,14 @@ class PageClient:
             while not self._closed:
                 await self._wake.wait()
                 self._wake.clear()
-                ordered, self._ordered = self._ordered, []
-                for data in ordered:
-                    await self._websocket.send_bytes(data)
-                ready = self._drawn is None or sent_number - self._drawn < FRAMES_AHEAD
-                for kind in list(self._newest) if ready else ():
-                    if kind == "frame":
+                due, self._ordered = self._ordered, []
+                if self._drawn is None or sent_number - self._drawn < FRAMES_AHEAD:
+                    if "frame" in self._newest:
                         sent_number = self._frame_number
                         self.frames_sent += 1
-                    await self._websocket.send_bytes(self._newest.pop(kind))
+                    due += self._newest.values()
+                    self._newest = {}
+                if due:
+                    await self._websocket.send_bytes(b"[" + b",".join(due) + b"]")
         except (WebSocketDisconnect, RuntimeError):
             return

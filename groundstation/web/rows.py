@@ -5,23 +5,13 @@ from collections import deque
 from collections.abc import Mapping
 
 from config.fleet import Fleet, Point
-from config.messages import (
-    DriveHealth,
-    Message,
-    Motion,
-    Observability,
-    PoseEstimate,
-    RelativeEstimate,
-    Status,
-    Truth,
-)
+from config.messages import DriveHealth, RelativeEstimate
 from groundstation.web.geometry import seen_in_leader_axes
+from groundstation.web.known import Known
 from groundstation.web.wire import Drive, Row
 
 STATUSES = 50
 """The youngest of a robot's last statuses tells how far the two wall clocks differ."""
-
-Latest = Mapping[tuple[str, type[Message]], Message]
 
 
 class ClockOffsets:
@@ -43,24 +33,22 @@ class ClockOffsets:
 def row(
     fleet: Fleet,
     name: str,
-    latest: Latest,
-    newest: Status | Motion | None,
+    fleet_known: Mapping[str, Known],
     now_s: float,
     offset_s: float | None,
     alive: bool | None,
 ) -> Row:
     """One robot's line at `now_s`."""
-    status = latest.get((name, Status))
-    if newest is None or not isinstance(status, Status):
+    known = fleet_known[name]
+    newest, status = known.newest, known.status
+    if newest is None or status is None:
         return Row(
             state="" if newest is None else newest.state,
             reason="" if newest is None else newest.reason,
             age_s=None if newest is None else now_s - newest.wall_ns * 1e-9,
             alive=alive,
         )
-    seen, pose = latest.get((name, RelativeEstimate)), latest.get((name, PoseEstimate))
-    told = latest.get((name, Observability))
-    relative = seen if isinstance(seen, RelativeEstimate) else None
+    relative = known.relative
     place = _place(fleet, name, relative)
     return Row(
         state=newest.state,
@@ -70,7 +58,7 @@ def row(
         mission_time_s=status.mission_time_s,
         formation=status.formation,
         formation_error_m=_believed_error_m(place, relative),
-        true_error_m=_true_error_m(fleet, name, place, latest),
+        true_error_m=_true_error_m(fleet, name, place, fleet_known),
         age_s=round(now_s - newest.wall_ns * 1e-9, 4),
         alive=alive,
         loop_p50_ms=status.loop.p50_ms,
@@ -85,10 +73,10 @@ def row(
         drive=_drive(status.drive),
         battery_v=_least(status.steering.bus_voltage_v, status.drive.bus_voltage_v),
         clock_offset_ms=None if offset_s is None else round(offset_s * 1e3, 2),
-        observability=told if isinstance(told, Observability) else None,
+        observability=known.observability,
         nis_state="" if relative is None else relative.nis_state,
         range_state="ok" if relative is None else relative.range_state,
-        pose_trusted=pose.trusted if isinstance(pose, PoseEstimate) else True,
+        pose_trusted=known.pose is None or known.pose.trusted,
     )
 
 
@@ -114,12 +102,14 @@ def _believed_error_m(place: Point | None, seen: RelativeEstimate | None) -> flo
     return round(math.hypot(forward - place.x_m, left - place.y_m), 4)
 
 
-def _true_error_m(fleet: Fleet, name: str, place: Point | None, latest: Latest) -> float | None:
+def _true_error_m(
+    fleet: Fleet, name: str, place: Point | None, known: Mapping[str, Known]
+) -> float | None:
     leader = fleet.robots[name].leader
     if place is None or leader is None:
         return None
-    own, ahead = latest.get((name, Truth)), latest.get((leader, Truth))
-    if not isinstance(own, Truth) or not isinstance(ahead, Truth):
+    own, ahead = known[name].truth, known[leader].truth
+    if own is None or ahead is None:
         return None
     dx, dy = own.x_m - ahead.x_m, own.y_m - ahead.y_m
     cos, sin = math.cos(ahead.heading_rad), math.sin(ahead.heading_rad)

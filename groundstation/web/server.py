@@ -174,6 +174,8 @@ class PageServer:
         commanding = self._hub.commanding
         if isinstance(said, wire.Got):
             client.drawn(said.n)
+        elif isinstance(said, wire.ShowTruth):
+            client.wants_truth = said.wanted
         elif isinstance(said, wire.Introduce):
             self._introduce(client, said)
             self._hub.tell_control()

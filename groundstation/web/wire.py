@@ -1,4 +1,4 @@
-"""What the server sends to the page, and the page to the server: JSON, tagged by `kind` and `do`.
+"""What goes between server and page: JSON tagged by `kind`, in lists, and tagged by `do`.
 
 Lengths are metres, times seconds, angles radians. Robots are in the fleet file's order.
 """
@@ -14,17 +14,24 @@ Numbers = list[float | None]
 class RobotFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """What moves: sent 30 times a second. What is not known is left out.
 
-    `pose` and `truth` are x, y, heading, steering; `ellipse` half axes and direction; `place`
-    x, y, heading of the wanted place; `looks` pairs of marker and body-frame bearing; `values`
-    range error, bearing error, NIS and speed.
+    `pose` and `truth` are x, y, heading, steering; `place` x, y, heading of the wanted place.
     """
 
     fresh: bool = False
     pose: Numbers | None = None
-    ellipse: Numbers | None = None
     place: Numbers | None = None
-    looks: list[tuple[int, float]] = []
     truth: Numbers | None = None
+
+
+class RobotDetail(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What changes more slowly: sent 10 times a second. What is not known is left out.
+
+    `ellipse` has half axes and direction, `looks` pairs of marker and body-frame bearing, `values`
+    range error, bearing error, NIS and speed.
+    """
+
+    ellipse: Numbers | None = None
+    looks: list[tuple[int, float]] = []
     values: Numbers | None = None
 
 
@@ -35,6 +42,13 @@ class Frame(msgspec.Struct, frozen=True, tag_field="kind", tag="frame"):
     t_s: float
     robots: list[RobotFrame]
     playback: PlaybackState | None = None
+
+
+class Details(msgspec.Struct, frozen=True, tag_field="kind", tag="details"):
+    """What goes with the frames."""
+
+    t_s: float
+    robots: list[RobotDetail]
 
 
 class Drive(msgspec.Struct, frozen=True):
@@ -99,7 +113,7 @@ class Log(msgspec.Struct, frozen=True, tag_field="kind", tag="log"):
 
 
 class Past(msgspec.Struct, frozen=True):
-    """The last minute of one robot: times, values as in `RobotFrame`, trails as x, y."""
+    """The last minute of one robot: times, values as in `RobotDetail`, trails as x, y."""
 
     t_s: list[float]
     values: list[Numbers]
@@ -184,6 +198,12 @@ class Got(msgspec.Struct, frozen=True, tag_field="do", tag="got"):
     n: int
 
 
+class ShowTruth(msgspec.Struct, frozen=True, tag_field="do", tag="show_truth"):
+    """Whether this page shows where simulated robots really are."""
+
+    wanted: bool
+
+
 class Estop(msgspec.Struct, frozen=True, tag_field="do", tag="estop"):
     """Emergency stop, by whoever sees the page."""
 
@@ -215,5 +235,5 @@ class Play(msgspec.Struct, frozen=True, tag_field="do", tag="play"):
     value: float = 0.0
 
 
-FromPage = Introduce | Got | Estop | Withdraw | TakeCommand | GiveBack | Give | Play
+FromPage = Introduce | Got | ShowTruth | Estop | Withdraw | TakeCommand | GiveBack | Give | Play
 FROM_PAGE = msgspec.json.Decoder(FromPage)

@@ -1,20 +1,21 @@
 """The ground station hears robots on the network, commands them and stops them."""
 
 import time
+from collections.abc import Callable
 
 import pytest
 import zenoh
 
 from config.fleet import Fleet
 from config.messages import encode
-from config.topics import STATUS
+from config.topics import STATUS, TRUTH
 from config.zenoh_settings import session_config
 from groundstation import fleet_commands, fleet_link
 from groundstation.endpoints import with_real_port
 from groundstation.errors import GroundError
 from groundstation.fleet_link import ANY_LOOPBACK, FleetLink, Heard
 from tests.groundstation.fake_robot import FakeRobot, robots
-from tests.groundstation.synthetic import fleet, status
+from tests.groundstation.synthetic import Place, fleet, status, truth
 
 
 @pytest.fixture
@@ -67,6 +68,55 @@ def test_messages_arrive_verbatim_and_unreadable_ones_are_named(pair: Fleet) -> 
     assert heard.key == "echelon/pair/r1/status"
     assert heard.payload == payload
     assert "echelon/pair/r1/status cannot be read" in link.unreadable[0]
+
+
+def test_who_watches_gets_the_newest_message_and_of_followed_topics_only(pair: Fleet) -> None:
+    with FleetLink.as_ground_station(pair, [STATUS], newest=True) as link:
+        config = zenoh.Config.from_json5(session_config(ANY_LOOPBACK, [pair.ground]))
+        with zenoh.open(config) as peer:
+
+            def publish(step: int) -> None:
+                place = encode(truth("r1", Place(1.0, 2.0, 0.5), step))
+                peer.put(TRUTH.key("pair", "r1"), place)
+                peer.put(STATUS.key("pair", "r1"), encode(status("r1", "ARMED", "", step)))
+
+            def heard_status(step: int) -> bool:
+                publish(step)
+                return link.view.status("r1") is not None
+
+            assert link.wait_until(lambda: heard_status(0), 5)
+            for step in range(1, 50):
+                publish(step)
+            assert link.wait_until(lambda: _status_seq(link) == 49, 5)
+            assert link.poll() == []
+            link.follow(TRUTH)
+            link.follow(TRUTH)
+            topics = _topics_heard(link, lambda: publish(50), {TRUTH.key("pair", "r1")})
+            assert topics == {TRUTH.key("pair", "r1"), STATUS.key("pair", "r1")}
+            link.leave(TRUTH)
+            link.poll()
+            publish(51)
+            assert link.wait_until(lambda: _status_seq(link) == 51, 5)
+            publish(52)
+            assert _topics_heard(link, lambda: None, {STATUS.key("pair", "r1")}) == {
+                STATUS.key("pair", "r1")
+            }
+
+
+def _status_seq(link: FleetLink) -> int | None:
+    known = link.view.status("r1")
+    return None if known is None else known.seq
+
+
+def _topics_heard(link: FleetLink, act: Callable[[], None], wanted: set[str]) -> set[str]:
+    """Keys that are heard, acting again and again until all that are wanted are among them."""
+    deadline, found = time.monotonic() + 5, set[str]()
+    while not wanted <= found:
+        assert time.monotonic() < deadline, f"only {found} within 5 s"
+        act()
+        found |= {heard.key for heard in link.poll()}
+        time.sleep(0.005)
+    return found
 
 
 def test_an_endpoint_in_use_is_named_with_a_way_out(pair: Fleet) -> None:

@@ -1,5 +1,6 @@
 """A source, a command path and a player of recordings that a test holds in its hands."""
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -23,6 +24,7 @@ class FakeSource:
     def __init__(self) -> None:
         self.epoch = 0
         self.waiting: list[Arrival] = []
+        self.truth_wanted = False
 
     def give(self, key: str, message: Message) -> None:
         """A message arrives."""
@@ -40,6 +42,10 @@ class FakeSource:
     def alive(self) -> set[str] | None:
         """Nothing can tell."""
         return None
+
+    def show_truth(self, wanted: bool) -> None:
+        """Remember it."""
+        self.truth_wanted = wanted
 
 
 class FakeCommands:
@@ -102,6 +108,7 @@ class Page:
 
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
+        self._unread: deque[dict[str, Any]] = deque()
 
     def say(self, do: str, **fields: object) -> None:
         """Send a message."""
@@ -110,7 +117,9 @@ class Page:
     def next(self, kind: str, **wanted: object) -> dict[str, Any]:
         """The next message of this kind in which these fields are so; frames are acknowledged."""
         while True:
-            message: dict[str, Any] = msgspec.json.decode(self.socket.recv(LIMIT_S))
+            while not self._unread:
+                self._unread.extend(msgspec.json.decode(self.socket.recv(LIMIT_S)))
+            message = self._unread.popleft()
             if message["kind"] == "frame":
                 self.say("got", n=message["n"])
             if message["kind"] == kind and wanted.items() <= message.items():

@@ -1,4 +1,4 @@
-"""Publishes what ten real robots publish, at the registry's rates, until it is ended.
+"""Publishes what ten robots publish, and their truth, at the registry's rates, until it is ended.
 
 Run as `python -m tests.web.ten_robots ENDPOINT`.
 """
@@ -21,6 +21,8 @@ from tests.groundstation.synthetic import Header
 ROBOTS = 10
 PERIOD_S = 0.01
 RADIUS_M, TURN_RADPS = 4.0, 0.25
+LOOP = messages.LoopHealth(1000, 0, 1.2, 2.0, 3.0, 0.5, realtime=True)
+BUS = messages.BusHealth("active", "", 0, 0, 0, 0, 0.34)
 COVARIANCE = [4e-4, 0, 0, 0, 0, 4e-4, 0, 0, 0, 0, 1e-4, 0, 0, 0, 0, 1e-4]
 
 
@@ -46,7 +48,7 @@ def run(endpoint: str) -> None:
     with zenoh.open(settings) as session:
         publishers = {
             (topic.name, name): session.declare_publisher(topic.key(fleet.name, name))
-            for topic in (*topics.ROBOTS_OWN, topics.TRUTH)
+            for topic in (*topics.ROBOTS_OWN, topics.STEP, topics.TRUTH)
             for name in fleet.robots
         }
         token = session.liveliness().declare_token(topics.liveliness_key(fleet.name, "r1"))
@@ -64,6 +66,7 @@ def _due(step: int, number: int, name: str) -> list[tuple[Topic, Message]]:
     header: Header = {"seq": step, "t_ns": time.monotonic_ns(), "wall_ns": time.time_ns()}
     makers: list[tuple[Topic, Callable[[Header, int, str], Message]]] = [
         (topics.MOTION, _motion),
+        (topics.STEP, _step),
         (topics.TRUTH, _truth),
         (topics.RELATIVE if number else topics.POSE, _relative if number else _pose),
         (topics.BEARINGS, _bearings),
@@ -83,7 +86,7 @@ def _where(header: Header, number: int) -> tuple[float, float, float]:
     return RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle), angle + math.pi / 2
 
 
-def _motion(header: Header, number: int, name: str) -> Message:
+def _motion(header: Header, number: int, name: str) -> messages.Motion:
     sightings = [
         messages.Sighting(f"r{number + 2}", marker, -2.4, 0.05, header["t_ns"])
         for marker in (21, 22)
@@ -110,6 +113,23 @@ def _truth(header: Header, number: int, name: str) -> Message:
         heading_rad=heading,
         steering_rad=0.06,
         speed_mps=1.0,
+    )
+
+
+def _step(header: Header, number: int, name: str) -> Message:
+    frames = [
+        messages.CanFrame(can_id, "00" * 8, header["t_ns"] * 1e-9) for can_id in range(0x100, 0x109)
+    ]
+    return messages.StepRecord(
+        **header,
+        robot=name,
+        now_s=header["t_ns"] * 1e-9,
+        wall_s=header["wall_ns"] * 1e-9,
+        late_s=0.0,
+        bus=BUS,
+        loop=LOOP,
+        frames=frames,
+        motions=[_motion(header, number, name)],
     )
 
 
@@ -158,8 +178,8 @@ def _status(header: Header, number: int, name: str) -> Message:
         ready=True,
         not_ready=[],
         mission_time_s=10.0,
-        loop=messages.LoopHealth(1000, 0, 1.2, 2.0, 3.0, 0.5, realtime=True),
-        bus=messages.BusHealth("active", "", 0, 0, 0, 0, 0.34),
+        loop=LOOP,
+        bus=BUS,
         blocked_frames=0,
         steering=drive,
         drive=drive,

@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 import can
@@ -29,7 +30,7 @@ pytestmark = pytest.mark.process
 
 SHOWN_LIMIT_S = 2.0
 FRAMES_LIMIT_HZ, CPU_LIMIT = 25.0, 0.10
-MEASURED_S = 4.0
+WINDOWS, WINDOW_S = 5, 2.0
 PHONE = ViewportSize(width=390, height=844)
 
 
@@ -89,6 +90,14 @@ class Bus:
         self._bus.shutdown()
 
 
+def measured(seen: Watched, pid: int) -> tuple[float, float]:
+    """Frames per second and the process's share of a core over the next window."""
+    frames, used_s, begun_s = seen.number("echelon.drawn"), cpu_s(pid), time.monotonic()
+    wait_for(lambda: time.monotonic() - begun_s >= WINDOW_S)
+    lasted_s = time.monotonic() - begun_s
+    return (seen.number("echelon.drawn") - frames) / lasted_s, (cpu_s(pid) - used_s) / lasted_s
+
+
 def test_ten_robots_are_shown_smoothly_and_cost_little(browser: Browser, folder: Path) -> None:
     endpoint = with_real_port(ANY_LOOPBACK)
     many = folder / "ten"
@@ -99,16 +108,16 @@ def test_ten_robots_are_shown_smoothly_and_cost_little(browser: Browser, folder:
         running.start(*source, log="source.log")
         seen = watch(browser, url)
         seen.says("#robot-r10 .state", "RUNNING")
-        frames, used_s, begun_s = seen.number("echelon.drawn"), cpu_s(monitor.pid), time.monotonic()
-        wait_for(lambda: time.monotonic() - begun_s >= MEASURED_S)
-        lasted_s = time.monotonic() - begun_s
-        rate_hz = (seen.number("echelon.drawn") - frames) / lasted_s
-        share = (cpu_s(monitor.pid) - used_s) / lasted_s
-        print(f"\n10 robots: {rate_hz:.1f} frames/s, server {100 * share:.1f} % of a core")
+        rates_hz, shares = zip(*(measured(seen, monitor.pid) for _ in range(WINDOWS)), strict=True)
+        told = [
+            f"{rate:.1f} Hz {100 * share:.1f} %"
+            for rate, share in zip(rates_hz, shares, strict=True)
+        ]
+        print(f"\n10 robots, frames and server's share of a core: {', '.join(told)}")
         assert (seen.errors, seen.foreign) == ([], [])
         seen.page.close()
-        assert rate_hz >= FRAMES_LIMIT_HZ
-        assert share <= CPU_LIMIT
+        assert median(rates_hz) >= FRAMES_LIMIT_HZ
+        assert median(shares) <= CPU_LIMIT
 
 
 def test_drive_and_emergency_stop_from_the_page(

@@ -9,6 +9,7 @@ from config.messages import Bearings, Event, Look, Observability, Particles
 from config.topics import BEARINGS, EVENT, MOTION, OBSERVABILITY, POSE, RELATIVE, STATUS, TRUTH
 from groundstation.web.history import LENGTH
 from groundstation.web.picture import FleetPicture
+from groundstation.web.wire import RobotDetail
 from tests.groundstation.synthetic import (
     PERIOD_NS,
     WALL_NS,
@@ -36,6 +37,11 @@ def picture(prefix: str = "") -> FleetPicture:
     made.hear(NOW_S, prefix + POSE.key("pair", "r1"), pose(LEADER, 0.0, 0))
     made.hear(NOW_S, prefix + RELATIVE.key("pair", "r2"), relative(FOLLOWER, LEADER, 0))
     return made
+
+
+def details(made: FleetPicture, now_s: float) -> list[RobotDetail]:
+    """What goes with the frames at this time."""
+    return made.details(now_s, made.robots(now_s))
 
 
 def test_robots_are_where_their_estimates_say_and_truth_is_apart() -> None:
@@ -69,7 +75,7 @@ def test_a_place_that_the_follower_has_moved_is_shown_where_it_is() -> None:
 
 
 def test_errors_and_speed_are_given_for_the_plots() -> None:
-    values = picture().robots(NOW_S)[1].values
+    values = details(picture(), NOW_S)[1].values
     assert values is not None
     wanted_range = math.hypot(1.0, 0.5)
     assert values[0] == pytest.approx(math.hypot(1.0, 0.4) + 0.1 - wanted_range, abs=1e-4)
@@ -95,7 +101,7 @@ def test_a_silent_robot_is_not_fresh_and_its_age_grows() -> None:
     assert [robot.fresh for robot in made.robots(NOW_S + 0.4)] == [True, True]
     late = made.robots(NOW_S + 3.0)
     assert [robot.fresh for robot in late] == [False, False]
-    assert late[0].values is None
+    assert details(made, NOW_S + 3.0)[0].values is None
     assert made.rows(NOW_S + 3.0, None)[0].age_s == pytest.approx(3.0)
 
 
@@ -143,7 +149,7 @@ def test_bearings_particles_and_observability_are_shown() -> None:
         transverse_mps=None,
     )
     made.hear(NOW_S, OBSERVABILITY.key("pair", "r1"), weak)
-    assert made.robots(NOW_S)[0].looks == [(1, 0.25)]
+    assert details(made, NOW_S)[0].looks == [(1, 0.25)]
     assert made.particles() == [[(1.0, 3.0), (2.0, 4.0)], []]
     assert made.rows(NOW_S, None)[0].observability == weak
 
@@ -171,7 +177,7 @@ def test_the_clock_offset_is_the_least_age_on_arrival() -> None:
 def test_the_history_is_a_minute_at_ten_samples_a_second() -> None:
     made = picture()
     for frame in range(30 * 70):
-        made.robots(NOW_S + frame / 30)
+        details(made, NOW_S + frame / 30)
     past = made.history.past()[1]
     assert len(past.t_s) == LENGTH
     steps = [after - before for before, after in zip(past.t_s, past.t_s[1:], strict=False)]

@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from config.messages import Event, InCommand, encode
-from config.topics import EVENT, IN_COMMAND, MOTION, POSE, PUBLISHED
+from config.topics import EVENT, IN_COMMAND, MOTION, POSE, WATCHED
 from groundstation.errors import GroundError
 from groundstation.web.server import Listen, PageServer
 from tests.groundstation.synthetic import Place, fleet, motion, pose, times
@@ -186,10 +186,10 @@ def test_a_slow_page_gets_the_newest_frame_and_no_queue(
         waiting = []
         while True:
             try:
-                message = json.loads(page.socket.recv(0.2))
+                messages = json.loads(page.socket.recv(0.2))
             except TimeoutError:
                 break
-            waiting += [message["n"]] if message["kind"] == "frame" else []
+            waiting += [message["n"] for message in messages if message["kind"] == "frame"]
         assert len(waiting) <= 8
         page.say("got", n=waiting[-1])
         assert page.next("frame")["n"] >= started + 60
@@ -280,7 +280,7 @@ def test_foxglove_is_offered_every_topic_and_gets_the_bytes_on_the_wire(
         assert json.loads(viewer.recv(LIMIT_S))["op"] == "serverInfo"
         advertised = json.loads(viewer.recv(LIMIT_S))
         channels = {each["topic"]: each for each in advertised["channels"]}
-        for topic in PUBLISHED:
+        for topic in WATCHED:
             assert topic.key("pair", "r1") in channels
         for channel in channels.values():
             schema = json.loads(channel["schema"])
@@ -323,3 +323,19 @@ def test_foxglove_moves_labelled_axes_without_settings(
 def test_a_viewer_that_speaks_another_protocol_is_turned_away(server: PageServer) -> None:
     with pytest.raises(InvalidStatus):
         connect(f"ws://127.0.0.1:{server.port}/foxglove")
+
+
+def test_the_truth_is_asked_for_only_while_a_page_shows_it(
+    server: PageServer, source: FakeSource
+) -> None:
+    with opened(server) as page, opened(server) as other:
+        assert page.next("frame")
+        assert not source.truth_wanted
+        page.say("show_truth", wanted=True)
+        other.say("show_truth", wanted=False)
+        wait_for(lambda: source.truth_wanted)
+        page.say("show_truth", wanted=False)
+        wait_for(lambda: not source.truth_wanted)
+        other.say("show_truth", wanted=True)
+        wait_for(lambda: source.truth_wanted)
+    wait_for(lambda: not source.truth_wanted)

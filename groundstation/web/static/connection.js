@@ -39,11 +39,12 @@ export class Connection {
   receive(data) {
     this.heardMs = performance.now();
     if (!this.open) this.set(true);
-    const message = JSON.parse(this.decoder.decode(data));
-    this.handlers[message.kind]?.(message);
-    if (message.kind === "frame" && message.n - this.acknowledged >= ACKNOWLEDGE_EVERY) {
-      this.acknowledged = message.n;
-      this.send({ do: "got", n: message.n });
+    for (const message of JSON.parse(this.decoder.decode(data))) {
+      this.handlers[message.kind]?.(message);
+      if (message.kind === "frame" && message.n - this.acknowledged >= ACKNOWLEDGE_EVERY) {
+        this.acknowledged = message.n;
+        this.send({ do: "got", n: message.n });
+      }
     }
   }
 

@@ -46,21 +46,25 @@ const handlers = {
     by("fleet-name").title = `version ${hello.version}`;
     for (const part of [map, plots, table, log, commands, player]) part.begin(hello);
     connection.changed(connection.open);
+    showTruth();
   },
   frame(frame) {
     if (!begun) return;
-    const sample = frame.t_s - sampledS >= SAMPLE_S - 0.005;
-    if (sample) {
-      sampledS = frame.t_s;
-      plots.add(frame.t_s, frame.robots);
-    }
-    map.take(frame.robots, sample);
+    map.frames = frame.robots;
     if (!painting) {
       painting = true;
       requestAnimationFrame(() => { painting = false; map.show(); seen.drawn += 1; });
     }
     player.show(frame.playback);
     seen.frames += 1;
+  },
+  details({ t_s: t, robots }) {
+    if (!begun) return;
+    map.details = robots;
+    if (t - sampledS < SAMPLE_S - 0.005) return;
+    sampledS = t;
+    map.extend();
+    plots.add(t, robots);
   },
   rows({ robots, particles }) {
     if (!begun) return;
@@ -83,6 +87,11 @@ connection = new Connection(
     by("connection").dataset.level = !open ? "bad" : live ? "good" : "warn";
     commands.connected(open);
   });
+
+function showTruth() {
+  connection.send({ do: "show_truth", wanted: map.layers.truth });
+}
+map.changed = (layer) => { if (layer === "truth") showTruth(); };
 
 function repaint() {
   map.theme();

@@ -22,6 +22,7 @@ export class FleetMap {
     this.shownMs = performance.now();
     this.view = { x: 0, y: 0, scale: 40 };
     this.layers = Object.fromEntries(LAYERS.map(([key, , on]) => [key, on]));
+    this.changed = () => {};
     this.buttons();
     this.gestures();
     this.theme();
@@ -32,7 +33,7 @@ export class FleetMap {
     for (const [key, text] of LAYERS) {
       const button = make("button", { type: "button", textContent: text, id: `layer-${key}` });
       const show = () => button.setAttribute("aria-pressed", this.layers[key]);
-      button.onclick = () => { this.layers[key] = !this.layers[key]; show(); this.legend(); this.draw(); };
+      button.onclick = () => { this.layers[key] = !this.layers[key]; show(); this.legend(); this.draw(); this.changed(key); };
       show();
       by("layers").append(button);
       if (key === "follow") this.showFollow = show;
@@ -72,19 +73,17 @@ export class FleetMap {
     this.trails = hello.past.map((past) => known(past.trail));
     this.trueTrails = hello.past.map((past) => known(past.true_trail));
     this.frames = [];
+    this.details = [];
     this.fresh = true;
     this.theme();
   }
 
-  // Takes every frame; `sample` ten times a second, when trails grow.
-  take(frames, sample) {
-    this.frames = frames;
-    if (sample) {
-      frames.forEach((frame, index) => {
-        extend(this.trails[index], frame.pose);
-        extend(this.trueTrails[index], frame.truth);
-      });
-    }
+  // Lets the trails grow.
+  extend() {
+    this.frames.forEach((frame, index) => {
+      extend(this.trails[index], frame.pose);
+      extend(this.trueTrails[index], frame.truth);
+    });
   }
 
   show() {
@@ -139,8 +138,8 @@ export class FleetMap {
       this.trails.forEach((trail, index) => this.line(c, trail, this.colors[index], 1.75, 0.55));
     }
     each((frame, index, ink) => this.cloud(c, this.particles[index], ink));
-    if (this.layers.rays) each((frame, index, ink) => this.rays(c, frame, ink));
-    if (this.layers.ellipses) each((frame, index, ink) => this.ellipse(c, frame, ink));
+    if (this.layers.rays) each((frame, index, ink) => this.rays(c, frame, this.details[index]?.looks, ink));
+    if (this.layers.ellipses) each((frame, index, ink) => this.ellipse(c, frame, this.details[index]?.ellipse, ink));
     if (this.layers.places) each((frame, index, ink) => frame.place && this.body(c, frame.place, index, { dashed: ink }));
     if (this.layers.truth) each((frame, index) => frame.truth && this.body(c, frame.truth, index, { hollow: this.truthInk }));
     each((frame, index, ink) => frame.pose && this.body(c, frame.pose, index, { filled: ink, faded: !frame.fresh }));
@@ -215,14 +214,14 @@ export class FleetMap {
     c.globalAlpha = 1;
   }
 
-  rays(c, frame, ink) {
-    if (!frame.pose || !frame.looks) return;
+  rays(c, frame, looks, ink) {
+    if (!frame.pose || !looks) return;
     const [x, y, heading] = frame.pose;
     c.strokeStyle = ink;
     c.lineWidth = 1;
     c.globalAlpha = 0.4;
     c.beginPath();
-    for (const [marker, bearing] of frame.looks) {
+    for (const [marker, bearing] of looks) {
       const target = this.target(marker);
       const length = target ? Math.hypot(target[0] - x, target[1] - y) : RAY_M;
       c.moveTo(...this.at(x, y));
@@ -242,9 +241,9 @@ export class FleetMap {
     return [pose[0] + cos * forward - sin * left, pose[1] + sin * forward + cos * left];
   }
 
-  ellipse(c, frame, ink) {
-    if (!frame.ellipse || !frame.pose) return;
-    const [major, minor, direction] = frame.ellipse;
+  ellipse(c, frame, ellipse, ink) {
+    if (!ellipse || !frame.pose) return;
+    const [major, minor, direction] = ellipse;
     const [px, py] = this.at(frame.pose[0], frame.pose[1]);
     c.beginPath();
     c.ellipse(px, py, major * this.view.scale, minor * this.view.scale, -direction, 0, 2 * Math.PI);

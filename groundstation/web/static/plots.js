@@ -75,10 +75,10 @@ export class Plots {
     for (const plot of this.plots) plot.setSize(this.size());
   }
 
-  add(t, frames) {
+  add(t, details) {
     this.times.push(t);
-    frames.forEach((frame, index) => {
-      QUANTITIES.forEach((_, which) => this.values[index][which].push(frame.values ? frame.values[which] : null));
+    details.forEach(({ values }, index) => {
+      QUANTITIES.forEach((_, which) => this.values[index][which].push(values ? values[which] : null));
     });
     if (this.times.length > LENGTH) {
       this.times.shift();
