@@ -7,8 +7,9 @@ from typing import NamedTuple
 from config import topics
 from config.fleet import Fleet
 from config.messages import Event, encode
-from groundstation.fleet_link import POLL_S, FleetLink, Heard
+from groundstation.fleet_link import POLL_S, FleetLink
 from groundstation.formation_tree import leader_of, start_order
+from groundstation.heard import Heard
 from groundstation.mission_log import BAD_STATES, COMPLETE, GROUND_STATION
 from groundstation.progress import Display
 from groundstation.recorder import Recorder
@@ -213,7 +214,7 @@ class Conductor:
     def _pump(self) -> None:
         """Take in and record what arrived, and show it."""
         heard = self._link.poll()
-        for key, payload, message in heard:
+        for _, key, payload, message in heard:
             self._recorder.write(key, payload, message.wall_ns)
         self._hear(heard)
         for text in self._link.unreadable:

@@ -30,6 +30,7 @@ from config.zenoh_settings import session_config
 from groundstation import keys
 from groundstation.errors import GroundError
 from groundstation.fleet_view import FleetView
+from groundstation.heard import Heard
 
 BACKLOG = 8192
 SEEN_HZ = 40.0
@@ -43,14 +44,6 @@ NO_ANSWER = f"no answer within {REPLY_TIMEOUT_S:g} s"
 POLL_S = 0.01
 NOT_SIMULATED = "no simulated hardware answers for it: is echelon-sim running with this robot?"
 ANY_LOOPBACK = "tcp/127.0.0.1:0"
-
-
-class Heard(NamedTuple):
-    """One message as it arrived."""
-
-    key: str
-    payload: bytes
-    message: Message
 
 
 class _Place(NamedTuple):
@@ -292,7 +285,7 @@ class FleetLink:
             return
         if isinstance(message, Message):
             self.view.hear(address, message)
-            heard.append(Heard(key, payload, message))
+            heard.append(Heard(time.time(), key, payload, message))
 
 
 def _seen_hz(fleet: Fleet) -> dict[str, float]:

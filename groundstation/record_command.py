@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Protocol
 
 from config.fleet import Fleet
-from groundstation.fleet_link import POLL_S, FleetLink, Heard
+from groundstation.fleet_link import POLL_S, FleetLink
+from groundstation.heard import Heard
 from groundstation.recorder import About, Limits, Recorder
 
 Say = Callable[[str], None]
@@ -50,7 +51,7 @@ def pump(source: Source, recorder: Recorder, seconds: float | None, say: Say) ->
     """Move what arrives into the recording; returns how many messages that were."""
     count, started_s = 0, time.monotonic()
     while seconds is None or time.monotonic() - started_s < seconds:
-        for key, payload, message in source.poll():
+        for _, key, payload, message in source.poll():
             recorder.write(key, payload, message.wall_ns)
             count += 1
         recorder.tick(time.monotonic())

@@ -8,9 +8,10 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from groundstation.heard import Heard
 from groundstation.player import Played, Player, open_player
 from groundstation.recording import read_info, recorded_fleet
-from groundstation.web.interface import Arrival, PlaybackState
+from groundstation.web.interface import PlaybackState
 from groundstation.web.server import Listen, serve
 
 PREFIX = "replay/"
@@ -22,7 +23,7 @@ class RecordedSource:
 
     def __init__(self, player: Player, clock: Clock = time.monotonic) -> None:
         self._player, self._clock = player, clock
-        self._jumped: list[Arrival] = []
+        self._jumped: list[Heard] = []
         self._epoch = 0
 
     @property
@@ -34,10 +35,10 @@ class RecordedSource:
         """Wall time of the recording."""
         return self._player.start_wall_s + self._player.position_s(self._clock())
 
-    def poll(self) -> Sequence[Arrival]:
+    def poll(self) -> Sequence[Heard]:
         """What the recording has by now."""
         jumped, self._jumped = self._jumped, []
-        return [*jumped, *self._arrivals(self._player.due(self._clock()))]
+        return [*jumped, *self._heard(self._player.due(self._clock()))]
 
     def show_truth(self, wanted: bool) -> None:
         """A recording's truth is read in any case."""
@@ -65,16 +66,16 @@ class RecordedSource:
     def seek(self, position_s: float) -> None:
         """Go to a position; the page forgets what it has shown and gets what stood there."""
         self._epoch += 1
-        self._jumped = self._arrivals(self._player.seek(self._clock(), position_s))
+        self._jumped = self._heard(self._player.seek(self._clock(), position_s))
 
     def set_speed(self, factor: float) -> None:
         """Play at 0.1 to 10 times real time."""
         self._player.set_speed(self._clock(), factor)
 
-    def _arrivals(self, played: Sequence[Played]) -> list[Arrival]:
+    def _heard(self, played: Sequence[Played]) -> list[Heard]:
         start_s = self._player.start_wall_s
         return [
-            Arrival(start_s + each.time_s, PREFIX + each.key, each.payload, each.message)
+            Heard(start_s + each.time_s, PREFIX + each.key, each.payload, each.message)
             for each in played
         ]
 

@@ -19,7 +19,7 @@ import msgspec
 
 from config.messages import Motion, encode
 from config.topics import MOTION
-from groundstation.fleet_link import Heard
+from groundstation.heard import Heard
 from groundstation.record_command import pump
 from groundstation.recorder import About, Recorder
 from groundstation.recording import read_messages
@@ -56,7 +56,7 @@ class Clockwork:
             message = msgspec.structs.replace(
                 motion("r1", "RUNNING", "", 0, 0.0), seq=self._made, t_ns=wall_ns, wall_ns=wall_ns
             )
-            made.append(Heard(KEY, encode(message), message))
+            made.append(Heard(time.time(), KEY, encode(message), message))
             self._made += 1
         return made
 

@@ -18,8 +18,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from config import topics
 from config.fleet import Fleet
 from groundstation import keys
+from groundstation.heard import Heard
 from groundstation.json_schema import inlined_schema
-from groundstation.web.interface import Arrival
 from groundstation.web.wire import RobotFrame
 
 SUBPROTOCOLS = ("foxglove.websocket.v1", "foxglove.sdk.v1")
@@ -99,15 +99,15 @@ class FoxgloveServer:
         """Whether any viewer is connected."""
         return bool(self._viewers)
 
-    def hear(self, arrivals: Iterable[Arrival]) -> None:
+    def hear(self, messages: Iterable[Heard]) -> None:
         """Hand messages on to the viewers."""
         if not self._viewers:
             return
-        for arrival in arrivals:
-            channel = self._ids.get(arrival.key)
+        for heard in messages:
+            channel = self._ids.get(heard.key)
             if channel is not None:
                 for viewer in self._viewers:
-                    viewer.offer(channel, arrival.message.wall_ns, arrival.payload)
+                    viewer.offer(channel, heard.message.wall_ns, heard.payload)
 
     def show(self, now_s: float, robots: list[RobotFrame]) -> None:
         """Hand the robots' places on as transforms."""

@@ -55,15 +55,6 @@ def spread_behind(leader: Place, spread: Matrix3, seen: RelativeEstimate) -> Mat
     return _sum(_carried(by_leader, spread), _carried(by_seen, relative))
 
 
-def offset_from(leader: Place, forward_m: float, left_m: float) -> tuple[float, float]:
-    """A point [m] given in a robot's body axes."""
-    cos, sin = math.cos(leader.heading_rad), math.sin(leader.heading_rad)
-    return (
-        leader.x_m + cos * forward_m - sin * left_m,
-        leader.y_m + sin * forward_m + cos * left_m,
-    )
-
-
 def seen_in_leader_axes(seen: RelativeEstimate) -> tuple[float, float]:
     """The follower's front point in its leader's body axes [m], as it believes."""
     direction = seen.bearing_rad - seen.heading_rad

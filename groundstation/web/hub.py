@@ -59,16 +59,16 @@ class Hub:
 
     def tick(self) -> None:
         """One frame: take in what has arrived, send what has changed."""
-        arrivals = self._source.poll()
+        messages = self._source.poll()
         if self._source.epoch != self._epoch:
             self._begin_anew()
-        for arrival in arrivals:
-            if isinstance(arrival.message, InCommand):
+        for heard in messages:
+            if isinstance(heard.message, InCommand):
                 if self.commanding is not None:
-                    self.commanding.heard_elsewhere(arrival.message, time.time())
+                    self.commanding.heard_elsewhere(heard.message, time.time())
             else:
-                self._picture.hear(arrival.time_s, arrival.key, arrival.message)
-        self.foxglove.hear(arrivals)
+                self._picture.hear(heard.time_s, heard.key, heard.message)
+        self.foxglove.hear(messages)
         self._send(self._source.now_s())
 
     def _send(self, now_s: float) -> None:

@@ -6,23 +6,12 @@ called from a worker's.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import msgspec
 
-from config.messages import CommandReply, Message
-
-
-class Arrival(NamedTuple):
-    """One message: when it arrived [s, wall clock], its key without any prefix, raw and decoded.
-
-    `payload` is handed on to Foxglove as it is.
-    """
-
-    time_s: float
-    key: str
-    payload: bytes
-    message: Message
+from config.messages import CommandReply
+from groundstation.heard import Heard
 
 
 class Source(Protocol):
@@ -35,7 +24,7 @@ class Source(Protocol):
     def now_s(self) -> float:
         """The instant that ages are counted to [s]: the wall clock, or the recording's time."""
 
-    def poll(self) -> Sequence[Arrival]:
+    def poll(self) -> Sequence[Heard]:
         """What has arrived since the last call, in order; called about 30 times a second."""
 
     def alive(self) -> set[str] | None:

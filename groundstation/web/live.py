@@ -9,8 +9,9 @@ from config.fleet import Fleet
 from config.formations import DEFAULT
 from config.messages import CommandReply
 from groundstation import fleet_commands
-from groundstation.fleet_link import FleetLink, Heard
-from groundstation.web.interface import Arrival, Order
+from groundstation.fleet_link import FleetLink
+from groundstation.heard import Heard
+from groundstation.web.interface import Order
 
 BACKLOG = 20_000
 
@@ -27,9 +28,9 @@ class LinkSource:
         """Wall clock."""
         return time.time()
 
-    def poll(self) -> Sequence[Arrival]:
+    def poll(self) -> Sequence[Heard]:
         """What has arrived since the last call."""
-        return arrivals(self._link.poll())
+        return self._link.poll()
 
     def alive(self) -> set[str] | None:
         """Processes with a liveliness token."""
@@ -50,17 +51,17 @@ class HandedSource:
 
     def __init__(self, link: FleetLink) -> None:
         self._link = link
-        self._waiting: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._waiting: deque[Heard] = deque(maxlen=BACKLOG)
 
     def hand(self, heard: Iterable[Heard]) -> None:
         """Hand messages on; from the link's thread."""
-        self._waiting.extend(arrivals(heard))
+        self._waiting.extend(heard)
 
     def now_s(self) -> float:
         """Wall clock."""
         return time.time()
 
-    def poll(self) -> Sequence[Arrival]:
+    def poll(self) -> Sequence[Heard]:
         """What was handed on since the last call."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
@@ -100,9 +101,3 @@ class LinkCommands:
     def announce_command(self, operator: str, since_ns: int) -> None:
         """Tell other ground stations who is in command here."""
         self._link.announce_command(operator, since_ns)
-
-
-def arrivals(heard: Iterable[Heard]) -> list[Arrival]:
-    """Messages of a link, arrived now."""
-    now_s = time.time()
-    return [Arrival(now_s, key, payload, message) for key, payload, message in heard]

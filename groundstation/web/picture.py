@@ -12,7 +12,6 @@ from groundstation.web.geometry import (
     Place,
     behind,
     ellipse_95,
-    offset_from,
     spread_behind,
     spread_of,
 )
@@ -33,7 +32,7 @@ class FleetPicture:
 
     def __init__(self, fleet: Fleet, prefix: str = "") -> None:
         self._fleet, self._prefix = fleet, prefix
-        self._addresses: dict[str, keys.Address | None] = {}
+        self._robots: dict[str, str | None] = {}
         self._known = {name: Known() for name in fleet.robots}
         self._clocks = ClockOffsets()
         self.history = History(len(fleet.robots))
@@ -42,18 +41,17 @@ class FleetPicture:
 
     def hear(self, time_s: float, key: str, message: Message) -> None:
         """Take a message that arrived at `time_s` [s, wall clock]."""
-        address = self._address(key)
-        if address is None:
+        if key not in self._robots:
+            self._robots[key] = self._robot(key)
+        robot = self._robots[key]
+        if robot is None:
             return
         if isinstance(message, Event):
             self.note(message.wall_ns * 1e-9, message.source, message.severity, message.text)
             return
-        known = self._known.get(address.robot)
-        if known is None:
-            return
-        known.hear(message)
+        self._known[robot].hear(message)
         if isinstance(message, Status):
-            self._clocks.add(address.robot, time_s - message.wall_ns * 1e-9)
+            self._clocks.add(robot, time_s - message.wall_ns * 1e-9)
 
     def note(self, time_s: float, source: str, severity: str, text: str) -> None:
         """Add a line to the event log."""
@@ -102,18 +100,16 @@ class FleetPicture:
         clouds = [known.particles for known in self._known.values()]
         return [[] if c is None else list(zip(c.x_m, c.y_m, strict=True)) for c in clouds]
 
-    def _address(self, key: str) -> keys.Address | None:
-        if key not in self._addresses:
-            try:
-                if not key.startswith(self._prefix):
-                    raise ValueError(f"{key!r} does not begin with {self._prefix!r}")
-                found = keys.parse(key.removeprefix(self._prefix))
-            except ValueError:
-                self._addresses[key] = None
-            else:
-                own = found.fleet == self._fleet.name
-                self._addresses[key] = found if own else None
-        return self._addresses[key]
+    def _robot(self, key: str) -> str | None:
+        """Which robot of this fleet a key belongs to, if any."""
+        if not key.startswith(self._prefix):
+            return None
+        try:
+            found = keys.parse(key.removeprefix(self._prefix))
+        except ValueError:
+            return None
+        known = found.fleet == self._fleet.name and found.robot in self._known
+        return found.robot if known else None
 
     def _places(self) -> dict[str, Place]:
         """Estimated places, down the tree from robots that localise themselves."""
@@ -154,7 +150,6 @@ class FleetPicture:
         return RobotFrame(
             fresh=self._fresh(name, now_s),
             pose=None if place is None else _rounded(*place, steering),
-            place=self._wanted(name, places),
             truth=None
             if truth is None
             else _rounded(truth.x_m, truth.y_m, truth.heading_rad, truth.steering_rad),
@@ -163,14 +158,6 @@ class FleetPicture:
     def _fresh(self, name: str, now_s: float) -> bool:
         newest = self._known[name].newest
         return newest is not None and now_s - newest.wall_ns * 1e-9 <= FRESH_S
-
-    def _wanted(self, name: str, places: dict[str, Place]) -> Numbers | None:
-        """The wanted place beside the leader, where the leader believes to be."""
-        leader = places.get(self._fleet.robots[name].leader or "")
-        wanted = self._offset(name, self._known[name].relative)
-        if leader is None or wanted is None:
-            return None
-        return _rounded(*offset_from(leader, *wanted), leader.heading_rad)
 
     def _offset(self, name: str, seen: RelativeEstimate | None) -> tuple[float, float] | None:
         """The wanted place in the leader's body axes [m], as the follower has it now."""
@@ -181,9 +168,11 @@ class FleetPicture:
 
     def _detail(self, name: str, ellipses: dict[str, Numbers], now_s: float) -> RobotDetail:
         looks = self._known[name].bearings
+        offset = self._offset(name, self._known[name].relative)
         old = looks is None or now_s - looks.wall_ns * 1e-9 > FRESH_S
         return RobotDetail(
             ellipse=ellipses.get(name),
+            offset=None if offset is None else _rounded(*offset),
             looks=[]
             if looks is None or old
             else [(look.marker, round(look.bearing_rad, 4)) for look in looks.looks],

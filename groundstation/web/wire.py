@@ -14,23 +14,24 @@ Numbers = list[float | None]
 class RobotFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """What moves: sent 30 times a second. What is not known is left out.
 
-    `pose` and `truth` are x, y, heading, steering; `place` x, y, heading of the wanted place.
+    `pose` and `truth` are x, y, heading, steering.
     """
 
     fresh: bool = False
     pose: Numbers | None = None
-    place: Numbers | None = None
     truth: Numbers | None = None
 
 
 class RobotDetail(msgspec.Struct, frozen=True, omit_defaults=True):
     """What changes more slowly: sent 10 times a second. What is not known is left out.
 
-    `ellipse` has half axes and direction, `looks` pairs of marker and body-frame bearing, `values`
-    range error, bearing error, NIS and speed.
+    `ellipse` has half axes and direction, `offset` the wanted place in the leader's body axes,
+    `looks` pairs of marker and body-frame bearing, `values` range error, bearing error, NIS and
+    speed.
     """
 
     ellipse: Numbers | None = None
+    offset: Numbers | None = None
     looks: list[tuple[int, float]] = []
     values: Numbers | None = None
 

@@ -13,7 +13,8 @@ from config.zenoh_settings import session_config
 from groundstation import fleet_commands, fleet_link
 from groundstation.endpoints import with_real_port
 from groundstation.errors import GroundError
-from groundstation.fleet_link import ANY_LOOPBACK, FleetLink, Heard
+from groundstation.fleet_link import ANY_LOOPBACK, FleetLink
+from groundstation.heard import Heard
 from tests.groundstation.fake_robot import FakeRobot, robots
 from tests.groundstation.synthetic import Place, fleet, status, truth
 

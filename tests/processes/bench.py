@@ -80,7 +80,7 @@ class Bench:
 
     def poll(self) -> None:
         """Take in what was heard."""
-        for _, _, message in self.link.poll():
+        for _, _, _, message in self.link.poll():
             if isinstance(message, Truth):
                 track = self.truth[message.robot]
                 track.append((message.t_ns * 1e-9, message.speed_mps))

@@ -10,7 +10,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from config.fleet import Fleet
 from config.messages import CommandReply, Message, encode
-from groundstation.web.interface import Arrival, Order, PlaybackState
+from groundstation.heard import Heard
+from groundstation.web.interface import Order, PlaybackState
 from groundstation.web.server import PageServer
 from tests.groundstation.synthetic import WALL_NS
 
@@ -23,18 +24,18 @@ class FakeSource:
 
     def __init__(self) -> None:
         self.epoch = 0
-        self.waiting: list[Arrival] = []
+        self.waiting: list[Heard] = []
         self.truth_wanted = False
 
     def give(self, key: str, message: Message) -> None:
         """A message arrives."""
-        self.waiting.append(Arrival(NOW_S, key, encode(message), message))
+        self.waiting.append(Heard(NOW_S, key, encode(message), message))
 
     def now_s(self) -> float:
         """Always the same."""
         return NOW_S
 
-    def poll(self) -> Sequence[Arrival]:
+    def poll(self) -> Sequence[Heard]:
         """Everything that was given."""
         arrived, self.waiting = self.waiting, []
         return arrived

@@ -10,7 +10,6 @@ from groundstation.web.geometry import (
     Place,
     behind,
     ellipse_95,
-    offset_from,
     seen_in_leader_axes,
     spread_behind,
 )
@@ -74,5 +73,8 @@ def test_the_ellipse_holds_95_percent() -> None:
 
 def test_a_place_in_the_leaders_axes_is_the_inverse_of_what_the_follower_sees() -> None:
     follower = behind(LEADER, seen())
-    x_m, y_m = offset_from(LEADER, *seen_in_leader_axes(seen()))
+    forward_m, left_m = seen_in_leader_axes(seen())
+    cos, sin = math.cos(LEADER.heading_rad), math.sin(LEADER.heading_rad)
+    x_m = LEADER.x_m + cos * forward_m - sin * left_m
+    y_m = LEADER.y_m + sin * forward_m + cos * left_m
     assert (x_m, y_m) == pytest.approx((follower.x_m, follower.y_m))

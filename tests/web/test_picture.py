@@ -58,20 +58,17 @@ def test_robots_are_where_their_estimates_say_and_truth_is_apart() -> None:
     assert off == pytest.approx(math.hypot(0.1, (range_m + 0.1) * 0.02), rel=0.05)
 
 
-def test_the_wanted_place_is_beside_the_leader() -> None:
-    ghost = picture().robots(NOW_S)[1].place
-    cos, sin = math.cos(0.5), math.sin(0.5)
-    wanted = [10.0 - cos - 0.5 * sin, 5.0 - sin + 0.5 * cos, 0.5]
-    assert ghost == pytest.approx(wanted, abs=1e-4)
+def test_the_wanted_place_is_the_fleet_files() -> None:
+    leader, follower = details(picture(), NOW_S)
+    assert leader.offset is None
+    assert follower.offset == [-1.0, 0.5]
 
 
 def test_a_place_that_the_follower_has_moved_is_shown_where_it_is() -> None:
     made = picture()
     moved = msgspec.structs.replace(relative(FOLLOWER, LEADER, 1), place_x_m=-2.0, place_y_m=0.0)
     made.hear(NOW_S, RELATIVE.key("pair", "r2"), moved)
-    ghost = made.robots(NOW_S)[1].place
-    wanted = [10.0 - 2 * math.cos(0.5), 5.0 - 2 * math.sin(0.5), 0.5]
-    assert ghost == pytest.approx(wanted, abs=1e-4)
+    assert details(made, NOW_S)[1].offset == [-2.0, 0.0]
 
 
 def test_errors_and_speed_are_given_for_the_plots() -> None:

@@ -50,7 +50,7 @@ const handlers = {
   },
   frame(frame) {
     if (!begun) return;
-    map.frames = frame.robots;
+    map.take(frame.robots);
     if (!painting) {
       painting = true;
       requestAnimationFrame(() => { painting = false; map.show(); seen.drawn += 1; });

@@ -14,6 +14,8 @@ export class FleetMap {
     this.context = this.canvas.getContext("2d");
     this.robots = [];
     this.frames = [];
+    this.details = [];
+    this.places = [];
     this.trails = [];
     this.trueTrails = [];
     this.particles = [];
@@ -74,8 +76,23 @@ export class FleetMap {
     this.trueTrails = hello.past.map((past) => known(past.true_trail));
     this.frames = [];
     this.details = [];
+    this.places = [];
+    this.indices = new Map(hello.robots.map(({ name }, index) => [name, index]));
     this.fresh = true;
     this.theme();
+  }
+
+  take(frames) {
+    this.frames = frames;
+    this.places = this.layers.places ? this.robots.map((robot, index) => this.wanted(robot, index)) : [];
+  }
+
+  // The wanted place beside the leader, where the leader believes to be.
+  wanted(robot, index) {
+    const leader = this.frames[this.indices.get(robot.leader)]?.pose, offset = this.details[index]?.offset;
+    if (!leader || !offset) return null;
+    const [x, y, heading] = leader, cos = Math.cos(heading), sin = Math.sin(heading);
+    return [x + cos * offset[0] - sin * offset[1], y + sin * offset[0] + cos * offset[1], heading];
   }
 
   // Lets the trails grow.
@@ -96,13 +113,11 @@ export class FleetMap {
 
   fit(share) {
     const points = [];
-    for (const frame of this.frames) {
-      for (const at of [frame.pose, this.layers.truth ? frame.truth : null, this.layers.places ? frame.place : null]) {
-        if (at) points.push(at);
-      }
-    }
-    if (!points.length) return;
-    const xs = points.map((at) => at[0]), ys = points.map((at) => at[1]);
+    for (const frame of this.frames) points.push(frame.pose, this.layers.truth ? frame.truth : null);
+    points.push(...this.places);
+    const known = points.filter((at) => at);
+    if (!known.length) return;
+    const xs = known.map((at) => at[0]), ys = known.map((at) => at[1]);
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const scale = Math.min(width / Math.max(LEAST_SPAN_M, MARGIN * (right - left)),
@@ -140,7 +155,7 @@ export class FleetMap {
     each((frame, index, ink) => this.cloud(c, this.particles[index], ink));
     if (this.layers.rays) each((frame, index, ink) => this.rays(c, frame, this.details[index]?.looks, ink));
     if (this.layers.ellipses) each((frame, index, ink) => this.ellipse(c, frame, this.details[index]?.ellipse, ink));
-    if (this.layers.places) each((frame, index, ink) => frame.place && this.body(c, frame.place, index, { dashed: ink }));
+    this.places.forEach((at, index) => at && this.body(c, at, index, { dashed: this.colors[index] }));
     if (this.layers.truth) each((frame, index) => frame.truth && this.body(c, frame.truth, index, { hollow: this.truthInk }));
     each((frame, index, ink) => frame.pose && this.body(c, frame.pose, index, { filled: ink, faded: !frame.fresh }));
     each((frame, index, ink) => frame.pose && this.name(c, frame.pose, this.robots[index].name, ink));
