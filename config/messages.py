@@ -229,7 +229,7 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """An operator's request: name is one of "arm", "start", "stop", "reset", "formation".
+    """An operator's request: name is "arm", "start", "stop", "reset", "formation" or "at_start".
 
     `override` names checks that arming and starting may leave aside, where the fleet file allows;
     `formation` the one to change to.

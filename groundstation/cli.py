@@ -246,6 +246,12 @@ def reset(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) 
     _command("reset", fleet, ground, json)
 
 
+@app.command("at-start", epilog="Example: echelon at-start --fleet demo")
+def at_start(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
+    """Tell every robot that it was carried back to its start: its estimate begins anew there."""
+    _command("at_start", fleet, ground, json)
+
+
 @app.command(epilog="Example: echelon estop --fleet demo")
 def estop(fleet: FleetName = "demo", ground: Ground = None, json: Json = False) -> None:
     """Emergency stop: repeated until every robot reports it."""

@@ -119,6 +119,10 @@ class Follower:
                 self._count(innovation, self._mutual_misfits)
                 self._mutual_s = at.now_s
 
+    def begin_anew(self) -> None:
+        """The next step starts the filter at the place that the fleet file gives."""
+        self._filter = None
+
     def start(self, steering_rad: float) -> None:
         """Wait for the leader to move."""
         self._driving = False

@@ -53,6 +53,11 @@ class Leader:
         )
         self.observability.observe(dt_s, odometry, observations, localiser.estimate)
 
+    def begin_anew(self) -> None:
+        """The next encoder reading starts the localiser as the fleet file's `start` says."""
+        self._localiser = None
+        self.observability = LandmarkMonitor(self._robot, self._landmarks)
+
     def start(self, steering_rad: float) -> None:
         """Begin the schedule at its first segment."""
         self._reference = LeaderReference(

@@ -52,6 +52,9 @@ class Role(Protocol):
     ) -> None:
         """Carry the estimate on by `dt_s` to `at` and use the observations."""
 
+    def begin_anew(self) -> None:
+        """Forget the estimate: an operator says that the robot stands at its start."""
+
     def start(self, steering_rad: float) -> None:
         """Begin the mission with the fork at this angle."""
 

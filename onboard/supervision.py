@@ -19,7 +19,7 @@ from onboard.step import Inputs, Request
 from onboard.telemetry import Telemetry
 
 COMMANDS = {"arm": Event.ARM, "start": Event.START, "stop": Event.STOP, "reset": Event.RESET}
-FORMATION = "formation"
+FORMATION, AT_START = "formation", "at_start"
 # Beyond the ramp itself: what the drives may take to report that they are idle.
 STOP_SLACK_S = 2.0
 # An e-stop is repeated at 20 Hz; this long after the last one it counts as withdrawn.
@@ -119,9 +119,11 @@ class Supervision:
         number, command = request
         if command.name == FORMATION:
             return number, self._change_formation(command)
+        if command.name == AT_START:
+            return number, self._begin_anew(command)
         event = COMMANDS.get(command.name)
         if event is None:
-            known = ", ".join((*COMMANDS, FORMATION))
+            known = ", ".join((*COMMANDS, FORMATION, AT_START))
             return number, self._refused(f"unknown command {command.name!r}; known are {known}")
         if problem := refused_overrides(command.override, self._settings):
             return number, self._refused(problem)
@@ -149,6 +151,14 @@ class Supervision:
             text = f"formation {command.formation} by {command.operator}"
             self._telemetry.event("info", text)
         return CommandReply(robot=self._name, accepted=True, reason="")
+
+    def _begin_anew(self, command: Command) -> CommandReply:
+        if self.state is not State.STANDBY:
+            wanted = f"{AT_START} is possible in STANDBY only, not in {self.state} ({self.reason})"
+            return self._refused(wanted)
+        self._role.begin_anew()
+        self._telemetry.event("warning", f"estimate begun anew: {AT_START} by {command.operator}")
+        return CommandReply(robot=self._name, accepted=True, reason="the estimate begins anew")
 
     def _refused(self, reason: str) -> CommandReply:
         return CommandReply(robot=self._name, accepted=False, reason=reason)

@@ -18,7 +18,7 @@ RESET_AFTER_ESTOP_S = 0.7
 """Robots refuse a reset for 0.5 s after the last emergency stop."""
 FREE_FOR_ALL = frozenset({"stop"})
 """Orders for which nobody needs to be in command."""
-KNOWN = ("arm", "start", "stop", "reset", "formation")
+KNOWN = ("arm", "start", "stop", "reset", "at_start", "formation")
 
 
 class Commanding:

@@ -202,7 +202,8 @@ class GaussianLocaliser:
     def _lose(self) -> None:
         self._lost_because = (
             f"pose lost at {self.time_s:.1f} s: {self._consistency.high_share}; was the robot "
-            "carried away, or are landmarks elsewhere than on the map?"
+            "carried away, or are landmarks elsewhere than on the map? Carry it to its start and "
+            "give `echelon at-start`, or drive it by hand until it finds its pose"
         )
         self._filter, self._since_s = None, None
         self._begin_search()

@@ -155,7 +155,7 @@ class ParticleLocaliser:
         lost = self._lost_looks >= LOST_LOOKS
         reason = (
             f"pose lost: the last {self._lost_looks} looks fit no particle, limit {LOST_LOOKS}; "
-            "check the landmarks' places and ids, or restart at `start`"
+            "check the landmarks' places and ids, carry it to its start and give `echelon at-start`"
         )
         return Trust(
             trusted=not lost,

@@ -16,7 +16,13 @@ from config.zenoh_settings import session_config
 from tests.groundstation.synthetic import status
 
 PERIOD_S = 0.02
-AFTER = {"arm": "ARMED", "start": "RUNNING", "stop": "STANDBY", "reset": "STANDBY"}
+AFTER = {
+    "arm": "ARMED",
+    "start": "RUNNING",
+    "stop": "STANDBY",
+    "reset": "STANDBY",
+    "at_start": "STANDBY",
+}
 
 
 class FakeRobot:

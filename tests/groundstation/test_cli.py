@@ -25,6 +25,7 @@ COMMANDS = (
     "stop",
     "estop",
     "reset",
+    "at-start",
     "record",
     "doctor",
     "fault",
@@ -104,7 +105,7 @@ def test_a_ground_endpoint_in_use_is_refused(tmp_path: Path) -> None:
     assert f"cannot listen on {endpoint}: Address already in use" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["status", "arm", "start", "stop", "reset"])
+@pytest.mark.parametrize("command", ["status", "arm", "start", "stop", "reset", "at-start"])
 def test_a_fleet_that_does_not_run_is_told(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet_commands, "DISCOVERY_S", 0.1)
     result = RUNNER.invoke(app, [command, "--ground", with_real_port(ANY_LOOPBACK)])

@@ -142,3 +142,26 @@ def test_a_robot_is_not_armed_before_its_checks_pass() -> None:
         assert not reply.accepted
         assert "bearing sensor" in reply.reason
         assert not lockstep.command("r1", "start").accepted
+
+
+def test_a_leader_that_is_carried_back_is_told_so_and_drives_again() -> None:
+    """Carried away it is lost, cannot arm, and says what to do; at its start it can be told so."""
+    with powered_up(DEMO) as lockstep:
+        statuses = lockstep.statuses
+        assert lockstep.run_until(lambda: len(statuses) == 3 and statuses["r1"].ready, 5.0)
+        vehicle = lockstep.simulation.robots["r1"].vehicle
+        start = (vehicle.x_m, vehicle.y_m, vehicle.heading_rad)
+        vehicle.x_m, vehicle.y_m, vehicle.heading_rad = 5.0, -6.0, 2.0
+        assert lockstep.run_until(lambda: not lockstep.statuses["r1"].ready, 20.0)
+        told = lockstep.command("r1", "arm")
+        assert not told.accepted
+        assert "echelon at-start" in told.reason
+        vehicle.x_m, vehicle.y_m, vehicle.heading_rad = start
+        assert lockstep.command("r1", "at_start").accepted
+        assert lockstep.run_until(lambda: lockstep.statuses["r1"].ready, 2.0)
+        lockstep.start_mission()
+        lockstep.run_for(1.0)
+        assert not standing(lockstep, "r3")
+        refused = lockstep.command("r1", "at_start")
+        assert not refused.accepted
+        assert "possible in STANDBY only, not in RUNNING" in refused.reason

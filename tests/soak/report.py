@@ -21,6 +21,8 @@ COUNTED = frozenset(
 )
 """What the operator did and what must be 0; everything else is a level that may not drift."""
 NOT_JUDGED = frozenset({"driving_share", "nearest_m"})
+STUCK_MINUTES = 3
+"""A fleet that does not drive for so many minutes cannot be recovered by its operator."""
 
 
 def limit_of(name: str, mean: float) -> float:
@@ -49,10 +51,22 @@ def report(samples: Sequence[Sample], what: str) -> bool:
     if "nearest_m" in sums:
         print(f"  nearest {min(s.figures['nearest_m'] for s in samples):.3f} m")
     bad = sums.get("moving_at_rest", 0.0) > 0
+    if (stuck := longest_stand(samples)) >= STUCK_MINUTES:
+        print(f"  did not drive for {stuck} minutes, limit {STUCK_MINUTES}")
+        bad = True
     for name in names:
         if name not in COUNTED and name not in NOT_JUDGED:
             bad = _line(samples, name) or bad
     return bad
+
+
+def longest_stand(samples: Sequence[Sample]) -> int:
+    """The most samples in a row in which the fleet did not drive at all."""
+    longest = stand = 0
+    for sample in samples:
+        stand = stand + 1 if sample.figures.get("driving_share") == 0.0 else 0
+        longest = max(longest, stand)
+    return longest
 
 
 def _line(samples: Sequence[Sample], name: str) -> bool:

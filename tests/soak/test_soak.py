@@ -52,6 +52,13 @@ def test_a_drift_is_told_from_noise(slope: float, said: str) -> None:
     assert verdict(found, 100.0, 2.0) == said
 
 
+def test_a_fleet_that_stands_for_good_fails_the_report() -> None:
+    shares = [0.8, 0.0, 0.7, 0.0, 0.0]
+    driving = [Sample(0, 60.0 * n, {"driving_share": share}) for n, share in enumerate(shares)]
+    assert not report(driving, "virtual")
+    assert report([*driving, Sample(0, 300.0, {"driving_share": 0.0})], "virtual")
+
+
 def test_a_leak_fails_the_report(capsys: pytest.CaptureFixture[str]) -> None:
     leaking = [Sample(0, 60.0 * n, {"rss_mb": 60.0 + 0.5 * n}) for n in range(40)]
     assert report(leaking, "virtual")

@@ -87,10 +87,11 @@ class VirtualField:
             self._later(for_s, lambda: setattr(station, "clock_step_s", 0.0))
 
     def bring_back(self) -> None:
-        """Carry the robots to their start poses."""
+        """Carry the robots to their start poses, and tell them so."""
         for name, robot in self.lockstep.simulation.robots.items():
             start, vehicle = self.lockstep.fleet.robots[name].start, robot.vehicle
             vehicle.x_m, vehicle.y_m, vehicle.heading_rad = start.x_m, start.y_m, start.heading_rad
+            self.command(name, "at_start")
 
     def end_what_is_over(self) -> None:
         """Let hanging processes go on and clocks return."""

@@ -3,7 +3,8 @@
 import { by, make, set, speak } from "./dom.js";
 import { holdToConfirm } from "./hold.js";
 
-const ORDERS = [["arm", "Arm"], ["start", "Start"], ["stop", "Stop"], ["reset", "Reset"]];
+const ASKED = { at_start: "Do all stand at their starts again:" };
+const ORDERS = [["arm", "Arm"], ["start", "Start"], ["stop", "Stop"], ["reset", "Reset"], ["at_start", "At start"]];
 
 export class Commands {
   constructor(connection, operator) {
@@ -29,7 +30,7 @@ export class Commands {
     for (const [name, text] of ORDERS) {
       const button = make("button", { type: "button", id: `order-${name}`, textContent: text });
       if (name === "stop") button.onclick = () => this.give(name);
-      else holdToConfirm(button, () => `${text} ${this.robots.map(({ name: each }) => each).join(", ")}?`, () => this.give(name));
+      else holdToConfirm(button, () => `${ASKED[name] ?? text} ${this.robots.map(({ name: each }) => each).join(", ")}?`, () => this.give(name));
       by("orders").append(button);
     }
     this.take = make("button", { type: "button", id: "take", className: "wide" });
