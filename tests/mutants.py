@@ -177,6 +177,20 @@ MUTANTS: tuple[Mutant, ...] = (
         "_RESET = {Event.RESET: Rule(State.STANDBY)}",
         T_STATES,
     ),
+    Mutant(
+        "two landmarks outvote two that contradict",
+        "onboard/estimate/consistency.py",
+        "ENOUGH_AGREE = 3",
+        "ENOUGH_AGREE = 2",
+        ("tests/onboard/estimate/test_consistency.py",),
+    ),
+    Mutant(
+        "an estimate begins anew while driving",
+        SUPERVISION,
+        "if self.state is not State.STANDBY:",
+        "if self.state is State.ESTOP:",
+        T_HIL,
+    ),
     Mutant("a fault's stop ends in STANDBY", STATES, ", after_fault=State.FAULT)", ")", T_STATES),
     Mutant(
         "e-stop ignored in FAULT",

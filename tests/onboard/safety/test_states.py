@@ -65,6 +65,17 @@ def test_fault_and_estop_are_left_by_an_unblocked_reset_only(
             assert event is Event.ESTOP or (event, blocked) == (Event.RESET, False)
 
 
+@pytest.mark.parametrize("cause", [Event.IDLE_DRIVES, Event.ESTOP])
+def test_a_reset_is_refused_while_the_cause_stands(cause: Event) -> None:
+    machine = after(Event.ARM, cause)
+    latched = machine.state
+    answer = machine.handle(Event.RESET, "reset by a test", ["still asked for: bus lost"])
+    assert isinstance(answer, Refusal)
+    assert (machine.state, answer.reason) == (latched, "still asked for: bus lost")
+    assert isinstance(machine.handle(Event.RESET, "reset by a test"), Transition)
+    assert machine.state is State.STANDBY
+
+
 @given(EVENTS)
 def test_every_answer_says_what_happened(events: list[tuple[Event, bool]]) -> None:
     machine = StateMachine()
