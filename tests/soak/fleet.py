@@ -20,6 +20,7 @@ def circling() -> Fleet:
     return fleet.model_copy(
         update={
             "robots": robots,
+            "formations": {},
             "mission": fleet.mission.model_copy(update={"segments": [segment]}),
         }
     )

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from config.loader import load_fleet
+from tests.processes.running import write_fleet
 from tests.soak.fleet import circling
 from tests.soak.report import report, verdict
 from tests.soak.samples import Sample, SampleFile
@@ -57,6 +59,10 @@ def test_a_fleet_that_stands_for_good_fails_the_report() -> None:
     driving = [Sample(0, 60.0 * n, {"driving_share": share}) for n, share in enumerate(shares)]
     assert not report(driving, "virtual")
     assert report([*driving, Sample(0, 300.0, {"driving_share": 0.0})], "virtual")
+
+
+def test_the_fleet_can_be_handed_to_real_processes(tmp_path: Path) -> None:
+    assert load_fleet(write_fleet(tmp_path, circling())).fleet.robots.keys() == {"r1", "r2"}
 
 
 def test_a_leak_fails_the_report(capsys: pytest.CaptureFixture[str]) -> None:
