@@ -24,6 +24,7 @@ EVIL_NUMBERS = (
 )
 EVIL_TEXTS = (
     *("", "\x00", "r1", "../../x", "\ud7ff", "R" * 2000, '"', "arm", "start", "stop", "reset"),
+    "at_start",
     *("RUNNING", "ESTOP", "\u202e", "%s%n", "{name}"),
 )
 DEEPEST = 100_000
