@@ -115,9 +115,11 @@ class Bench:
         return self.link.view.state(name)
 
     def told(self) -> dict[str, str]:
-        """What every robot says last."""
+        """What every robot says last, and what it is not ready for."""
         return {
-            name: "silent" if status is None else f"{status.state} {status.reason}"
+            name: "silent"
+            if status is None
+            else "; ".join((f"{status.state} {status.reason}", *status.not_ready))
             for name in self.robots
             for status in [self.status(name)]
         }
