@@ -21,7 +21,9 @@ from typing import Literal
 import can
 
 from config.can.database import CanDatabase
-from groundstation.fleet_link import FleetLink
+from config.fleet import Fleet
+from groundstation.endpoints import with_real_port
+from groundstation.fleet_link import ANY_LOOPBACK, FleetLink
 from tests.processes.bench import Bench, percentile
 from tests.soak.fleet import circling
 
@@ -101,10 +103,19 @@ class Measurement:
         self.cycles_ms: list[float] = []
 
 
+def fixed(fleet: Fleet) -> Fleet:
+    """The fleet with a known endpoint for every robot, as on hardware: who joins goes there."""
+    robots = {
+        name: robot.model_copy(update={"listen": with_real_port(ANY_LOOPBACK)})
+        for name, robot in fleet.robots.items()
+    }
+    return fleet.model_copy(update={"robots": robots})
+
+
 def measure(rounds: int) -> Measurement:
     """So many emergency stops on each path, two robots with two drives each."""
     found = Measurement()
-    with Bench(circling()) as bench, contextlib.closing(Listener(bench)) as listener:
+    with Bench(fixed(circling())) as bench, contextlib.closing(Listener(bench)) as listener:
         for number in range(rounds * len(PATHS)):
             path = PATHS[number % len(PATHS)]
             bench.drive()
