@@ -5,13 +5,13 @@ import re
 import socket
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import TracebackType
 from typing import NamedTuple, Self
 
 import zenoh
 from zenoh.handlers import FifoChannel, RingChannel
 
 from config import topics
+from config.closing import Closing
 from config.fleet import Fleet
 from config.messages import (
     Command,
@@ -53,7 +53,7 @@ class _Place(NamedTuple):
     subscriber: zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]
 
 
-class FleetLink:
+class FleetLink(Closing):
     """Session with one fleet. Nothing arrives by itself: call `poll` at least every second.
 
     Use `as_ground_station` or `as_visitor` to make one, and close it (it is a context manager).
@@ -119,15 +119,8 @@ class FleetLink:
         fixed = [endpoint for endpoint in robots if not endpoint.endswith(":0")]
         return cls(fleet, ANY_LOOPBACK, [fleet.ground, *fixed], hear, newest=newest)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Leave the network."""
         self._session.close()
 
     def poll(self) -> list[Heard]:

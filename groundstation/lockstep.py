@@ -5,14 +5,13 @@ Nothing here waits or reads a clock, so a run depends on the fleet file and the 
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
-from typing import Self
 
 import msgspec
 import numpy as np
 
 from config import topics
 from config.can.database import CanDatabase
+from config.closing import Closing
 from config.faults import FaultScript
 from config.fleet import Fleet
 from config.messages import (
@@ -133,7 +132,7 @@ class Station:
         return [(topic, encode(message)) for topic, message in [*outputs.messages, *record]]
 
 
-class Lockstep:
+class Lockstep(Closing):
     """A fleet under virtual time, one tick of the control period at a time.
 
     `record` gets what is published; with `replayable` the record of every step too.
@@ -167,15 +166,7 @@ class Lockstep:
         rates = {robot.loop.rate_hz for robot in fleet.robots.values()}
         self.period_s = 1.0 / max(rates)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """Leave all buses."""
         for station in self.stations.values():
             station.close()
@@ -343,7 +334,7 @@ def run_lockstep(
                 progress(max(0.0, limit_s - (end_s - lockstep.now_s)))
 
 
-class PlaybackLockstep:
+class PlaybackLockstep(Closing):
     """Robots on recorded devices under virtual time; `hear` gets every message they publish.
 
     They are never armed: what they do is estimate. `recordings` are by the robots' names.
@@ -380,15 +371,7 @@ class PlaybackLockstep:
         """One of the recordings is over."""
         return any(devices.ended for devices in self.devices.values())
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         """Leave all buses."""
         for station in self._stations.values():
             station.close()

@@ -7,9 +7,8 @@ the recording goes on in a new part once there is room again.
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
+from config.closing import Closing
 from config.fleet import Fleet
 from config.messages import encode
 from groundstation import keys, scene
@@ -42,7 +41,7 @@ class About:
     seed: int
 
 
-class Recorder:
+class Recorder(Closing):
     """Writes `path` and, where it grows too large, its further parts.
 
     The same calls give the same bytes. The owner calls `tick`, or `flush`, all the time.
@@ -114,17 +113,6 @@ class Recorder:
         """Finish the file and give it its final name. Closing again does nothing."""
         if self._part is not None:
             self._end_part()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _put(self, topic: str, payload: bytes, log_time_ns: int) -> None:
         if self._part is None:

@@ -12,8 +12,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
+
+from config.closing import Closing
 
 TERM_PATIENCE_S = 2.0
 POLL_S = 0.005
@@ -54,22 +55,15 @@ class _Child:
     log: Path
 
 
-class Supervisor:
+class Supervisor(Closing):
     """The processes of one demo. Leaving its `with` block ends all of them."""
 
     def __init__(self, log_folder: Path) -> None:
         self._log_folder = log_folder
         self._children: list[_Child] = []
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End every process."""
         self.stop()
 
     def start(self, name: str, command: Sequence[str]) -> None:

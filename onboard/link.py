@@ -2,13 +2,12 @@
 
 from collections import deque
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Self
 
 import zenoh
 from zenoh.handlers import FifoChannel, Handler, RingChannel
 
 from config import topics
+from config.closing import Closing
 from config.fleet import Fleet
 from config.messages import (
     Command,
@@ -38,7 +37,7 @@ class LinkUnavailable(Exception):
     """The robot's Zenoh endpoint cannot be opened; the text says which, why and what to do."""
 
 
-class Link:
+class Link(Closing):
     """Session of one robot: hears its leader, the operator and the e-stop; publishes its own.
 
     Raises:
@@ -78,15 +77,8 @@ class Link:
         self._requests = 0
         self._unreadable: list[str] = []
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Leave the network."""
         self._session.close()
 
     def motions(self) -> list[Motion]:

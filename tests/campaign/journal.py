@@ -5,10 +5,11 @@ The first line names the program that the results are of: with other sources the
 
 import hashlib
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import msgspec
+
+from config.closing import Closing
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "campaign"
@@ -25,7 +26,7 @@ class _Line(msgspec.Struct):
     result: msgspec.Raw
 
 
-class Journal:
+class Journal(Closing):
     """One file of results by key; `done` holds those that are already there.
 
     `script` is the file of this folder that says what is run.
@@ -39,15 +40,8 @@ class Journal:
         path.write_bytes(b"\n".join([head, *lines, b""]))
         self._file = path.open("ab")
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """No more results."""
         self._file.close()
 
     def add(self, key: str, result: bytes) -> None:
