@@ -151,7 +151,7 @@ class FleetPicture:
             fresh=self._fresh(name, now_s),
             pose=None if place is None else _rounded(*place, steering),
             truth=None
-            if truth is None
+            if truth is None or now_s - truth.wall_ns * 1e-9 > FRESH_S
             else _rounded(truth.x_m, truth.y_m, truth.heading_rad, truth.steering_rad),
         )
 

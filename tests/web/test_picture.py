@@ -97,6 +97,7 @@ def test_a_silent_robot_is_not_fresh_and_its_age_grows() -> None:
     made = picture()
     assert [robot.fresh for robot in made.robots(NOW_S + 0.4)] == [True, True]
     late = made.robots(NOW_S + 3.0)
+    assert [robot.truth for robot in late] == [None, None]
     assert [robot.fresh for robot in late] == [False, False]
     assert details(made, NOW_S + 3.0)[0].values is None
     assert made.rows(NOW_S + 3.0, None)[0].age_s == pytest.approx(3.0)
