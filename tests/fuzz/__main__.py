@@ -81,7 +81,8 @@ def _report(seed: int, results: Iterable[ChunkResult], heard: int) -> int:
         print(
             f"{kind}: {states.total()} in {len(mine)} chunks, by state {dict(states)}; "
             f"{sum(each.unreadable for each in mine)} unreadable, "
-            f"{sum(each.recoveries for each in mine)} recoveries by the operator"
+            f"{sum(each.recoveries for each in mine)} recoveries by the operator, "
+            f"robots carried back in {sum(each.carried_back for each in mine)} of them"
         )
         for problem in [text for each in mine for text in each.not_recovered]:
             print(f"  needed a new process: {problem}")

@@ -23,13 +23,14 @@ from onboard.link import Link
 from sim_hw.simcan.direct import Devices, DirectBus
 from tests.fuzz.fake_zenoh import FakeQuery, FakeSample, FakeSession
 from tests.fuzz.frames import FrameFuzzer
+from tests.hil.fleets import carry_back
 from tests.soak.fleet import circling
 from tests.soak.operator import POWERED
 
 STANDING_MPS = 0.02
 COAST_S = 2.5
 """From a state with power to one without, a robot needs no longer to stand on truth."""
-RECOVERY_S = 30.0
+RECOVERY_S, PATIENCE_S = 30.0, 15.0
 MOVING = ("RUNNING", "STOPPING")
 LIMIT_SLACK = 1.001
 RESTARTED = 0x100
@@ -173,11 +174,19 @@ class Arena:
         self.tick()
 
     def reach(self, wanted: str) -> bool:
-        """Bring the fleet into a state by the operator's commands alone; False where it fails."""
-        lockstep, end_s = self.lockstep, self.lockstep.now_s + RECOVERY_S
+        """Bring the fleet into a state by the operator's commands; False where it fails.
+
+        After a while the operator also carries robots back that have lost their way.
+        """
+        lockstep, carry_s = self.lockstep, self.lockstep.now_s + PATIENCE_S
+        end_s = lockstep.now_s + RECOVERY_S
         while lockstep.now_s < end_s:
             if self._is(wanted):
                 return True
+            if lockstep.now_s > carry_s:
+                carry_s = end_s
+                carry_back(lockstep)
+                self.counts["carried back"] += 1
             self._restart_controller()
             for name in self._order:
                 self._order_one(name, wanted)

@@ -37,6 +37,7 @@ class ChunkResult(msgspec.Struct, frozen=True):
     by_state: dict[str, int]
     unreadable: int
     recoveries: int
+    carried_back: int
     not_recovered: list[str]
     quiet_stops: list[str]
     rss_mb: float
@@ -56,7 +57,8 @@ def run_chunk(kind: Kind, seed: int, chunk: int, count: int) -> ChunkResult:
         run.run()
     finally:
         arena.close()
-    unreadable = arena.counts.pop("unreadable")
+    unreadable = arena.counts.pop("unreadable", 0)
+    carried_back = arena.counts.pop("carried back", 0)
     gc.collect()
     return ChunkResult(
         kind,
@@ -66,6 +68,7 @@ def run_chunk(kind: Kind, seed: int, chunk: int, count: int) -> ChunkResult:
         dict(arena.counts),
         unreadable,
         run.recoveries,
+        carried_back,
         run.not_recovered,
         run.quiet_stops,
         int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_MB,

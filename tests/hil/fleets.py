@@ -42,3 +42,11 @@ def driving(
         lockstep.start_mission()
         lockstep.run_for(for_s)
         yield lockstep
+
+
+def carry_back(lockstep: Lockstep) -> None:
+    """Carry every robot to its start pose, and tell it so."""
+    for name, robot in lockstep.simulation.robots.items():
+        start, vehicle = lockstep.fleet.robots[name].start, robot.vehicle
+        vehicle.x_m, vehicle.y_m, vehicle.heading_rad = start.x_m, start.y_m, start.heading_rad
+        lockstep.command(name, "at_start")

@@ -17,6 +17,7 @@ from config.fleet import Fleet
 from config.messages import CommandReply
 from groundstation.formation_tree import start_order
 from groundstation.lockstep import AT_REST, Lockstep
+from tests.hil.fleets import carry_back
 from tests.soak.operator import Operator, View
 from tests.soak.samples import Sample
 
@@ -88,10 +89,7 @@ class VirtualField:
 
     def bring_back(self) -> None:
         """Carry the robots to their start poses, and tell them so."""
-        for name, robot in self.lockstep.simulation.robots.items():
-            start, vehicle = self.lockstep.fleet.robots[name].start, robot.vehicle
-            vehicle.x_m, vehicle.y_m, vehicle.heading_rad = start.x_m, start.y_m, start.heading_rad
-            self.command(name, "at_start")
+        carry_back(self.lockstep)
 
     def end_what_is_over(self) -> None:
         """Let hanging processes go on and clocks return."""
