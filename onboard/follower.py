@@ -42,6 +42,7 @@ class Follower:
         self._leader_markers = {marker.id: marker for marker in self._leader.markers}
         self._own_markers = {marker.id: marker for marker in self._robot.markers}
         self._filter: RelativeFilter | None = None
+        self._broken: str | None = None
         self._motion: Motion | None = None
         self._leader_wheel = WheelMotion(0.0, 0.0)
         self._sightings = SightingBox(name)
@@ -75,10 +76,23 @@ class Follower:
         if motion is None:
             return
         if self._filter is None or (not self._driving and self._lost() is not None):
-            self._filter = self._new_filter()
+            self._filter, self._broken = self._new_filter(), None
             self._nis_watch = NisWatch()
             self._own_misfits, self._mutual_misfits = _misfit_watches(self._leader_name)
-        self._filter.predict(
+        try:
+            self._advance(self._filter, at, dt_s, odometry, observations)
+        except ArithmeticError as error:
+            self._filter, self._broken = None, str(error)
+
+    def _advance(
+        self,
+        estimator: RelativeFilter,
+        at: Stamp,
+        dt_s: float,
+        odometry: Odometry,
+        observations: list[Observation],
+    ) -> None:
+        estimator.predict(
             dt_s,
             WheelMotion(odometry.speed_mps, odometry.steering_rad),
             self._leader_wheel,
@@ -86,15 +100,15 @@ class Follower:
         for seen in observations:
             marker = self._leader_markers.get(seen.marker)
             if marker is not None:
-                innovation = self._filter.update_leader_marker(
+                innovation = estimator.update_leader_marker(
                     seen.body_rad, seen.std_rad, marker, seen.age_s
                 )
                 self._count(innovation, self._own_misfits)
-        self._use_sightings(self._filter, at)
-        self.observability.observe(dt_s, odometry, self._leader_wheel, self._filter.estimate)
+        self._use_sightings(estimator, at)
+        self.observability.observe(dt_s, odometry, self._leader_wheel, estimator.estimate)
         self._range_watch.slide(dt_s)
         if self._driving:
-            belief, told = self._filter.estimate(), self._filter.range_told
+            belief, told = estimator.estimate(), estimator.range_told
             self._range_watch.look(dt_s, belief, told, odometry.speed_mps)
 
     def _count(self, innovation: Innovation, misfits: MisfitWatch) -> None:
@@ -207,7 +221,9 @@ class Follower:
         self._range_watch.fall_back = slow or hold_distance
 
     def _lost(self) -> str | None:
-        """The filter has lost the leader where it believes none of its bearings any more."""
+        """The filter has broken down, or believes none of the leader's bearings any more."""
+        if self._broken is not None:
+            return f"lost {self._leader_name}: {self._broken}"
         rejected = 0 if self._filter is None else self._filter.rejected_in_a_row
         if rejected < LOST_AFTER_REJECTIONS:
             return None
@@ -222,6 +238,8 @@ class Follower:
 
     def not_ready(self) -> list[str]:
         """The range must be known before the robot may move."""
+        if self._broken is not None:
+            return [str(self._lost())]
         if self._filter is None:
             return [f"no message from leader {self._leader_name} yet"]
         belief = self._filter.estimate()

@@ -8,6 +8,8 @@ import pytest
 from config.can.odrive import AxisError
 from config.faults import Fault
 from groundstation.lockstep import AT_REST
+from onboard.estimate import relative_ukf
+from onboard.estimate.relative_model import Lower
 from tests.hil.clean import standing
 from tests.hil.fleets import driving, powered_up, shipped, straight
 
@@ -165,3 +167,18 @@ def test_a_leader_that_is_carried_back_is_told_so_and_drives_again() -> None:
         refused = lockstep.command("r1", "at_start")
         assert not refused.accepted
         assert "possible in STANDBY only, not in RUNNING" in refused.reason
+
+
+def test_a_filter_that_breaks_down_stops_its_robot_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(matrix: object) -> Lower:
+        raise ArithmeticError("covariance is not positive definite: pivot 2 is -1.0")
+
+    with driving(DEMO) as lockstep:
+        with monkeypatch.context() as patched:
+            patched.setattr(relative_ukf, "cholesky4", broken)
+            lockstep.run_for(0.01)
+        assert lockstep.run_until(lambda: standing(lockstep, "r2"), 1.0)
+        assert lockstep.statuses["r2"].reason.startswith("lost r1: covariance is not positive")
+        assert lockstep.run_until(lambda: lockstep.statuses["r2"].state == "STANDBY", 2.0)

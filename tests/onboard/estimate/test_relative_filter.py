@@ -195,7 +195,17 @@ def test_cholesky_agrees_with_numpy(values: list[float]) -> None:
 
 def test_a_broken_covariance_is_refused() -> None:
     with pytest.raises(ArithmeticError, match="not positive definite: pivot 1"):
-        cholesky4((1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+        cholesky4((1.0, 2.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+
+
+def test_a_covariance_that_rounding_has_made_singular_is_factored() -> None:
+    singular = (4.0, 2.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    factor = np.zeros((4, 4))
+    factor[np.tril_indices(4)] = cholesky4(singular)
+    expected = np.zeros((4, 4))
+    expected[np.tril_indices(4)] = singular
+    assert np.tril(factor @ factor.T) == pytest.approx(expected, abs=1e-11)
+    assert factor[1, 1] > 0.0
 
 
 def run_both(observe: Callable[[Pair, RelativeFilter], list[float]]) -> float:
