@@ -18,7 +18,7 @@ DISCOVERY_S = 3.0
 ESTOP_LIMIT_S = 3.0
 STALE_AFTER_S = 0.5
 
-CommandName = Literal["arm", "start", "stop", "reset", "formation", "at_start"]
+CommandName = Literal["arm", "start", "stop", "reset", "at_start", "formation"]
 
 
 class RobotReport(msgspec.Struct, frozen=True):

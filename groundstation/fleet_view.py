@@ -1,11 +1,8 @@
 """What the ground station knows of a fleet right now: the latest message of each robot."""
 
-from typing import TypeVar
-
 from config.messages import Message, Motion, RelativeEstimate, Status
 from groundstation.keys import Address
-
-M = TypeVar("M", bound=Message)
+from groundstation.known import Known
 
 
 class FleetView:
@@ -13,26 +10,23 @@ class FleetView:
 
     def __init__(self) -> None:
         self.alive: set[str] = set()
-        self._latest: dict[tuple[str, type[Message]], Message] = {}
+        self._known: dict[str, Known] = {}
 
     def hear(self, address: Address, message: Message) -> None:
         """Keep a message unless a newer one of its robot and topic is known already."""
-        key = (address.robot, type(message))
-        known = self._latest.get(key)
-        if known is None or known.wall_ns <= message.wall_ns:
-            self._latest[key] = message
+        self._known.setdefault(address.robot, Known()).hear(message)
 
     def status(self, robot: str) -> Status | None:
         """Latest status of a robot."""
-        return self._newest(robot, Status)
+        return self._of(robot).status
 
     def motion(self, robot: str) -> Motion | None:
         """Latest motion of a robot."""
-        return self._newest(robot, Motion)
+        return self._of(robot).motion
 
     def relative(self, robot: str) -> RelativeEstimate | None:
         """Latest estimate that a follower has of its leader."""
-        return self._newest(robot, RelativeEstimate)
+        return self._of(robot).relative
 
     def age_s(self, robot: str, now_wall_ns: int) -> float | None:
         """Time since the capture of the robot's latest status, by the wall clocks of both hosts."""
@@ -45,12 +39,8 @@ class FleetView:
 
     def state_and_reason(self, robot: str) -> tuple[str, str]:
         """As `state`, with the robot's own text for it."""
-        known = [row for row in (self.status(robot), self.motion(robot)) if row is not None]
-        if not known:
-            return "", ""
-        newest = max(known, key=lambda row: row.wall_ns)
-        return newest.state, newest.reason
+        newest = self._of(robot).newest
+        return ("", "") if newest is None else (newest.state, newest.reason)
 
-    def _newest(self, robot: str, kind: type[M]) -> M | None:
-        message = self._latest.get((robot, kind))
-        return message if isinstance(message, kind) else None
+    def _of(self, robot: str) -> Known:
+        return self._known.get(robot) or Known()

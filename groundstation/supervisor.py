@@ -62,10 +62,6 @@ class Supervisor(Closing):
         self._log_folder = log_folder
         self._children: list[_Child] = []
 
-    def close(self) -> None:
-        """End every process."""
-        self.stop()
-
     def start(self, name: str, command: Sequence[str]) -> None:
         """Start a process; its output goes to `<name>.log` in the log folder.
 
@@ -91,7 +87,7 @@ class Supervisor(Closing):
             if child.process.poll() is not None
         ]
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End every process: TERM, and KILL for whatever is left of it after 2 s."""
         try:
             for child in self._children:

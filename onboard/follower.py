@@ -238,10 +238,8 @@ class Follower:
 
     def not_ready(self) -> list[str]:
         """The range must be known before the robot may move."""
-        if self._broken is not None:
-            return [str(self._lost())]
         if self._filter is None:
-            return [f"no message from leader {self._leader_name} yet"]
+            return [self._lost() or f"no message from leader {self._leader_name} yet"]
         belief = self._filter.estimate()
         limit_m = SETTLED_RANGE_FRACTION * belief.range_m
         if belief.range_std_m > limit_m:

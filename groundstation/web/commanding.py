@@ -3,9 +3,11 @@
 import asyncio
 import time
 from collections.abc import Callable
+from typing import get_args
 
 from config.fleet import Fleet
 from config.messages import InCommand
+from groundstation.fleet_commands import CommandName
 from groundstation.web import wire
 from groundstation.web.authority import Authority, Holder
 from groundstation.web.estop_latch import EstopLatch
@@ -18,7 +20,7 @@ RESET_AFTER_ESTOP_S = 0.7
 """Robots refuse a reset for 0.5 s after the last emergency stop."""
 FREE_FOR_ALL = frozenset({"stop"})
 """Orders for which nobody needs to be in command."""
-KNOWN = ("arm", "start", "stop", "reset", "at_start", "formation")
+KNOWN: tuple[str, ...] = get_args(CommandName)
 
 
 class Commanding:

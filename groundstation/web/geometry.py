@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from config.angles import wrap
+from config.fleet import Robot
 from config.messages import PoseEstimate, RelativeEstimate
 
 CHI_SQUARE_95 = 5.991464547107979
@@ -53,6 +54,13 @@ def spread_behind(leader: Place, spread: Matrix3, seen: RelativeEstimate) -> Mat
     c = seen.covariance
     relative = (c[0], c[1], c[2], c[4], c[5], c[6], c[8], c[9], c[10])
     return _sum(_carried(by_leader, spread), _carried(by_seen, relative))
+
+
+def wanted_offset(robot: Robot, seen: RelativeEstimate | None) -> tuple[float, float] | None:
+    """The robot's place in its leader's body axes [m], as it has it now or as the file says."""
+    if seen is not None and seen.place_x_m is not None and seen.place_y_m is not None:
+        return seen.place_x_m, seen.place_y_m
+    return None if robot.offset is None else (robot.offset.x_m, robot.offset.y_m)
 
 
 def seen_in_leader_axes(seen: RelativeEstimate) -> tuple[float, float]:

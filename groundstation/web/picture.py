@@ -2,11 +2,13 @@
 
 import math
 from collections import deque
+from typing import TypeVar
 
 from config.angles import wrap
 from config.fleet import Fleet
-from config.messages import Event, Message, RelativeEstimate, Status
+from config.messages import Event, Message, Status
 from groundstation import keys
+from groundstation.known import Known
 from groundstation.web.geometry import (
     Matrix3,
     Place,
@@ -14,14 +16,15 @@ from groundstation.web.geometry import (
     ellipse_95,
     spread_behind,
     spread_of,
+    wanted_offset,
 )
 from groundstation.web.history import History
-from groundstation.web.known import Known
 from groundstation.web.rows import ClockOffsets, row
 from groundstation.web.wire import LogLine, Numbers, RobotDetail, RobotFrame, Row
 
 FRESH_S = 0.5
 LOG_LINES = 300
+M = TypeVar("M", bound=Message)
 
 
 class FleetPicture:
@@ -145,38 +148,27 @@ class FleetPicture:
 
     def _frame(self, name: str, places: dict[str, Place], now_s: float) -> RobotFrame:
         known, place = self._known[name], places.get(name)
-        motion, truth = known.motion, known.truth
+        motion, truth = known.motion, _if_fresh(known.truth, now_s)
         steering = None if motion is None else motion.steering_rad
         return RobotFrame(
-            fresh=self._fresh(name, now_s),
+            fresh=_if_fresh(known.newest, now_s) is not None,
             pose=None if place is None else _rounded(*place, steering),
             truth=None
-            if truth is None or now_s - truth.wall_ns * 1e-9 > FRESH_S
+            if truth is None
             else _rounded(truth.x_m, truth.y_m, truth.heading_rad, truth.steering_rad),
         )
 
-    def _fresh(self, name: str, now_s: float) -> bool:
-        newest = self._known[name].newest
-        return newest is not None and now_s - newest.wall_ns * 1e-9 <= FRESH_S
-
-    def _offset(self, name: str, seen: RelativeEstimate | None) -> tuple[float, float] | None:
-        """The wanted place in the leader's body axes [m], as the follower has it now."""
-        if seen is not None and seen.place_x_m is not None and seen.place_y_m is not None:
-            return seen.place_x_m, seen.place_y_m
-        offset = self._fleet.robots[name].offset
-        return None if offset is None else (offset.x_m, offset.y_m)
-
     def _detail(self, name: str, ellipses: dict[str, Numbers], now_s: float) -> RobotDetail:
-        looks = self._known[name].bearings
-        offset = self._offset(name, self._known[name].relative)
-        old = looks is None or now_s - looks.wall_ns * 1e-9 > FRESH_S
+        known = self._known[name]
+        looks = _if_fresh(known.bearings, now_s)
+        offset = wanted_offset(self._fleet.robots[name], known.relative)
         return RobotDetail(
             ellipse=ellipses.get(name),
             offset=None if offset is None else _rounded(*offset),
             looks=[]
-            if looks is None or old
+            if looks is None
             else [(look.marker, round(look.bearing_rad, 4)) for look in looks.looks],
-            values=self._values(name) if self._fresh(name, now_s) else None,
+            values=self._values(name) if _if_fresh(known.newest, now_s) else None,
         )
 
     def _values(self, name: str) -> Numbers:
@@ -184,13 +176,19 @@ class FleetPicture:
         known = self._known[name]
         seen, pose, motion = known.relative, known.pose, known.motion
         speed = motion.speed_mps if motion is not None and motion.valid else None
-        wanted = self._offset(name, seen)
+        wanted = wanted_offset(self._fleet.robots[name], seen)
         if seen is None or wanted is None:
             return _rounded(None, None, None if pose is None else pose.nis_median, speed)
         forward, left = wanted
         range_error_m = seen.range_m - math.hypot(forward, left)
         bearing_error = wrap(seen.bearing_rad - math.atan2(-left, -forward))
         return _rounded(range_error_m, bearing_error, seen.nis_mean, speed)
+
+
+def _if_fresh(message: M | None, now_s: float) -> M | None:
+    """The message unless it is older than FRESH_S."""
+    fresh = message is not None and now_s - message.wall_ns * 1e-9 <= FRESH_S
+    return message if fresh else None
 
 
 def _rounded(*values: float | None) -> Numbers:

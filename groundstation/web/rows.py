@@ -4,10 +4,10 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-from config.fleet import Fleet, Point
+from config.fleet import Fleet
 from config.messages import DriveHealth, RelativeEstimate
-from groundstation.web.geometry import seen_in_leader_axes
-from groundstation.web.known import Known
+from groundstation.known import Known
+from groundstation.web.geometry import seen_in_leader_axes, wanted_offset
 from groundstation.web.wire import Drive, Row
 
 STATUSES = 50
@@ -49,7 +49,7 @@ def row(
             alive=alive,
         )
     relative = known.relative
-    place = _place(fleet, name, relative)
+    place = wanted_offset(fleet.robots[name], relative)
     return Row(
         state=newest.state,
         reason=newest.reason,
@@ -88,22 +88,17 @@ def _least(*values: float | None) -> float | None:
     return min((value for value in values if value is not None), default=None)
 
 
-def _place(fleet: Fleet, name: str, seen: RelativeEstimate | None) -> Point | None:
-    """The wanted place in the leader's body axes, as the follower has it now."""
-    if seen is None or seen.place_x_m is None or seen.place_y_m is None:
-        return fleet.robots[name].offset
-    return Point.model_construct(x_m=seen.place_x_m, y_m=seen.place_y_m)
-
-
-def _believed_error_m(place: Point | None, seen: RelativeEstimate | None) -> float | None:
+def _believed_error_m(
+    place: tuple[float, float] | None, seen: RelativeEstimate | None
+) -> float | None:
     if place is None or seen is None or not seen.valid:
         return None
     forward, left = seen_in_leader_axes(seen)
-    return round(math.hypot(forward - place.x_m, left - place.y_m), 4)
+    return round(math.hypot(forward - place[0], left - place[1]), 4)
 
 
 def _true_error_m(
-    fleet: Fleet, name: str, place: Point | None, known: Mapping[str, Known]
+    fleet: Fleet, name: str, place: tuple[float, float] | None, known: Mapping[str, Known]
 ) -> float | None:
     leader = fleet.robots[name].leader
     if place is None or leader is None:
@@ -113,4 +108,4 @@ def _true_error_m(
         return None
     dx, dy = own.x_m - ahead.x_m, own.y_m - ahead.y_m
     cos, sin = math.cos(ahead.heading_rad), math.sin(ahead.heading_rad)
-    return round(math.hypot(cos * dx + sin * dy - place.x_m, cos * dy - sin * dx - place.y_m), 4)
+    return round(math.hypot(cos * dx + sin * dy - place[0], cos * dy - sin * dx - place[1]), 4)

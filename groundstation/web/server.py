@@ -9,7 +9,6 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
-from types import TracebackType
 from typing import Self
 
 import msgspec
@@ -20,6 +19,7 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from config.closing import Closing
 from config.fleet import Fleet
 from groundstation.errors import GroundError
 from groundstation.web import wire
@@ -46,7 +46,7 @@ class Listen:
     or_any_port: bool = False
 
 
-class PageServer:
+class PageServer(Closing):
     """Shows one fleet on a page.
 
     Use `run` to serve in this thread until `stop` is called (from any thread) or the process is
@@ -104,12 +104,8 @@ class PageServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Stop, and wait for the thread."""
         self.stop()
         if self._thread is not None:
             self._thread.join()

@@ -10,6 +10,7 @@ import socket
 from pathlib import Path
 
 from config.can.frame import Frame
+from config.closing import Closing
 from sim_hw.error_frames import ERROR_FLAG
 from sim_hw.simcan.bus import FLAG_CONTROL, FLAG_ERROR, FLAG_EXTENDED, FLAG_REMOTE, RECORD
 
@@ -22,7 +23,7 @@ class ChannelError(Exception):
     """The bus cannot be served at this path; the text says why and what to do."""
 
 
-class SimCanServer:
+class SimCanServer(Closing):
     """One bus at a socket path. `dropped` counts frames lost to clients that do not read.
 
     `refused` counts records that no device can hear: extended identifiers and error frames.
@@ -35,12 +36,6 @@ class SimCanServer:
         self.refused = 0
         self._clients: list[socket.socket] = []
         self._listener = _listen(path)
-
-    def __enter__(self) -> "SimCanServer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     @property
     def clients(self) -> int:

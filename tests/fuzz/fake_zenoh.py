@@ -2,10 +2,11 @@
 
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Self
 
 import zenoh
+
+from config.closing import Closing
 
 
 class FakeSample:
@@ -15,7 +16,7 @@ class FakeSample:
         self.key_expr, self.payload = key, zenoh.ZBytes(payload)
 
 
-class FakeQuery:
+class FakeQuery(Closing):
     """A query; keeps its replies."""
 
     def __init__(self, payload: bytes) -> None:
@@ -23,15 +24,8 @@ class FakeQuery:
         self.replies: list[bytes] = []
         self.dropped = False
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """The query is over."""
         self.dropped = True
 
     def reply(self, _key: str, payload: bytes) -> None:

@@ -97,7 +97,7 @@ def test_what_a_process_started_ends_too(supervisor: Supervisor, tmp_path: Path)
     supervisor.start("parent", _python(PARENT))
     _wait_for(_up(tmp_path / "parent.log"), "grandchild")
     assert len(_sleepers(tmp_path / "parent.log")) == 2
-    supervisor.stop()
+    supervisor.close()
     _wait_for(lambda: _sleepers(tmp_path / "parent.log") == [], "end of the grandchild")
 
 

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
+from config.closing import Closing
 from config.fleet import Fleet
 from config.messages import CommandReply, Status, Truth
 from groundstation.fleet_link import FleetLink
@@ -25,7 +25,7 @@ STANDING_MPS = 0.02
 KEPT_S = 30.0
 
 
-class Bench:
+class Bench(Closing):
     """Simulated hardware and one process per robot. Leaving it ends all of them.
 
     `truth` keeps what the simulated hardware says of every robot: (time, speed), the last 30 s.
@@ -48,7 +48,7 @@ class Bench:
 
     def restart(self) -> None:
         """End every process and start anew."""
-        self.supervisor.stop()
+        self.supervisor.close()
         self._start_all()
 
     def _start_all(self) -> None:
@@ -58,12 +58,8 @@ class Bench:
         for name in self.robots:
             self.start(name)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End everything."""
         self._stack.close()
 
     def start(self, name: str) -> None:

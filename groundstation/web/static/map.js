@@ -91,8 +91,7 @@ export class FleetMap {
   wanted(robot, index) {
     const leader = this.frames[this.indices.get(robot.leader)]?.pose, offset = this.details[index]?.offset;
     if (!leader || !offset) return null;
-    const [x, y, heading] = leader, cos = Math.cos(heading), sin = Math.sin(heading);
-    return [x + cos * offset[0] - sin * offset[1], y + sin * offset[0] + cos * offset[1], heading];
+    return [...fromBody(leader, ...offset), leader[2]];
   }
 
   // Lets the trails grow.
@@ -251,9 +250,7 @@ export class FleetMap {
     if (!this.markers.has(marker)) return null;
     const [index, forward, left] = this.markers.get(marker);
     const pose = this.frames[index]?.pose;
-    if (!pose) return null;
-    const cos = Math.cos(pose[2]), sin = Math.sin(pose[2]);
-    return [pose[0] + cos * forward - sin * left, pose[1] + sin * forward + cos * left];
+    return pose ? fromBody(pose, forward, left) : null;
   }
 
   ellipse(c, frame, ellipse, ink) {
@@ -373,6 +370,12 @@ export class FleetMap {
     this.free();
     this.draw();
   }
+}
+
+// A point given in a robot's body axes.
+function fromBody([x, y, heading], forward, left) {
+  const cos = Math.cos(heading), sin = Math.sin(heading);
+  return [x + cos * forward - sin * left, y + sin * forward + cos * left];
 }
 
 function extend(trail, at) {
